@@ -1,0 +1,32 @@
+"""New volumes of a porous material from one example of it."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from poresynth.errors import PoresynthError
+    from poresynth.volume import Volume
+
+# Public names are imported when first used: a command line that only prints its help, or a
+# program that only reads a file, does not wait for SciPy or Matplotlib.
+_HOME = {
+    "PoresynthError": "poresynth.errors",
+    "Volume": "poresynth.volume",
+    "__version__": "poresynth._core",
+}
+
+__all__ = ["PoresynthError", "Volume", "__version__"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'poresynth' has no attribute {name!r}")
+    value = getattr(importlib.import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

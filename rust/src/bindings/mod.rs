@@ -1,0 +1,36 @@
+//! The Python module `poresynth._core`. Each function takes a view, releases the interpreter,
+//! calls a kernel, maps the error and wraps the result; nothing else happens here.
+
+mod cancellable;
+
+use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
+use pyo3::prelude::*;
+
+use crate::error::Error;
+
+impl From<Error> for PyErr {
+    fn from(error: Error) -> Self {
+        match &error {
+            Error::Parameter { parameter, value, allowed } => Python::attach(|py| {
+                let arguments = (*parameter, value.as_str(), allowed.as_str());
+                py.import("poresynth.errors")
+                    .and_then(|errors| errors.getattr("ParameterError")?.call1(arguments))
+                    .map_or_else(|failed| failed, PyErr::from_value)
+            }),
+            Error::Cancelled => PyKeyboardInterrupt::new_err(()),
+            Error::Threads(_) => PyRuntimeError::new_err(error.to_string()),
+        }
+    }
+}
+
+/// Kernels of poresynth. Private: use the functions of the package.
+#[pymodule]
+mod _core {
+    use pyo3::prelude::*;
+
+    /// Version of the compiled kernels.
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

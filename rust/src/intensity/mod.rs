@@ -1,0 +1,1 @@
+//! Gray levels: histogram matching and exact cuts.

@@ -1,0 +1,18 @@
+//! Kernels of poresynth: synthesis of porous volumes by example, and their measurement.
+//!
+//! Ground floor: [`error`], [`rng`], [`volume`], [`monitor`], [`threads`]. Above it one module an
+//! area. Only `bindings` (feature `python`) knows Python.
+
+pub mod correlation;
+pub mod error;
+pub mod geometry;
+pub mod intensity;
+pub mod monitor;
+pub mod rng;
+pub mod texture;
+pub mod threads;
+pub mod topology;
+pub mod volume;
+
+#[cfg(feature = "python")]
+mod bindings;
