@@ -218,11 +218,11 @@ fn add_layer(layer: &Layer<'_>, values: &[f32], plane: &mut [f32]) {
             let row = &mut plane[y * nx..(y + 1) * nx];
             if view.stride[2] == 1 {
                 let from = &values[start..start + window];
-                for (v, e) in row[ox..ox + head].iter_mut().zip(from) {
-                    *v += weight * e;
-                }
-                for (v, e) in row.iter_mut().zip(&from[head..]) {
-                    *v += weight * e;
+                if head == window {
+                    add_row(&mut row[ox..ox + window], from, weight);
+                } else {
+                    add_row(&mut row[ox..], &from[..head], weight);
+                    add_row(&mut row[..window - head], &from[head..], weight);
                 }
             } else {
                 let mut at = start as isize;
@@ -234,4 +234,23 @@ fn add_layer(layer: &Layer<'_>, values: &[f32], plane: &mut [f32]) {
             }
         }
     });
+}
+
+/// `row += weight * from`; the usual lengths are unrolled.
+#[inline(always)]
+fn add_row(row: &mut [f32], from: &[f32], weight: f32) {
+    #[inline(always)]
+    fn fixed<const N: usize>(row: &mut [f32], from: &[f32], weight: f32) {
+        if let (Some(row), Some(from)) = (row.first_chunk_mut::<N>(), from.first_chunk::<N>()) {
+            for i in 0..N {
+                row[i] += weight * from[i];
+            }
+        }
+    }
+    match row.len() {
+        4 => fixed::<4>(row, from, weight),
+        8 => fixed::<8>(row, from, weight),
+        10 => fixed::<10>(row, from, weight),
+        _ => row.iter_mut().zip(from).for_each(|(v, e)| *v += weight * e),
+    }
 }

@@ -225,10 +225,28 @@ impl<'a> Neighbourhoods<'a> {
 #[derive(Default)]
 pub struct Projection(Array2<f32>);
 
+/// Copies a row of a window. The usual lengths are copied in place: for four values a call of the
+/// library's copy costs more than the copy.
+#[inline(always)]
+pub fn copy_row(from: &[f32], out: &mut [f32]) {
+    fn fixed<const N: usize>(from: &[f32], out: &mut [f32]) {
+        if let (Some(from), Some(out)) = (from.first_chunk::<N>(), out.first_chunk_mut::<N>()) {
+            *out = *from;
+        }
+    }
+    match out.len() {
+        4 => fixed::<4>(from, out),
+        8 => fixed::<8>(from, out),
+        10 => fixed::<10>(from, out),
+        n => out.copy_from_slice(&from[..n]),
+    }
+}
+
 /// Copies `out.len()` values that lie `stride` apart.
+#[inline(always)]
 pub fn copy_strided(values: &[f32], start: usize, stride: isize, out: &mut [f32]) {
     if stride == 1 {
-        out.copy_from_slice(&values[start..start + out.len()]);
+        copy_row(&values[start..start + out.len()], out);
         return;
     }
     let mut at = start as isize;
