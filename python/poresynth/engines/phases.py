@@ -18,7 +18,7 @@ __all__ = ["MOST_LABELS", "Phases", "detect_kind"]
 Kind = Literal["gray", "binary", "label"]
 
 MOST_LABELS = 16
-"""An integer volume with at most so many values is taken for labels: every label costs a channel."""
+"""An integer volume of at most so many values is taken for labels; each costs a channel."""
 
 
 def detect_kind(array: npt.NDArray[Any]) -> Kind:

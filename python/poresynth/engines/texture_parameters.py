@@ -59,11 +59,13 @@ class TextureParameters(BaseModel):
     def stages(self) -> list[tuple[int, int]]:
         """Return the (window, lattice step) pairs of a level, in voxels."""
         steps = self.steps or tuple(max(1, w // 2) for w in self.windows)
-        if len(steps) != len(self.windows) or any(s > w for s, w in zip(steps, self.windows)):
+        if len(steps) != len(self.windows) or any(
+            s > w for s, w in zip(steps, self.windows, strict=True)
+        ):
             raise ParameterError(
                 "steps", steps, f"must be one a window, none larger than it: {self.windows}"
             )
-        return list(zip(self.windows, steps))
+        return list(zip(self.windows, steps, strict=True))
 
 
 PRESETS: dict[str, dict[str, Any]] = {

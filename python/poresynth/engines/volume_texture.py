@@ -13,7 +13,7 @@ import numpy.typing as npt
 from poresynth import _core
 from poresynth.engines.base import EnergyRecord, ProgressCallback, SynthesizedVolume
 from poresynth.engines.phases import Phases
-from poresynth.engines.texture_parameters import TextureParameters, resolve
+from poresynth.engines.texture_parameters import resolve
 from poresynth.errors import FileError, ParameterError
 from poresynth.preprocess import validate_voxels
 from poresynth.resources import check_memory
@@ -31,24 +31,26 @@ class VolumeTexture:
     """Synthesise volumes whose every neighbourhood looks like one of the exemplar's.
 
     The method of Zhang, Chen, Wang and Wang, *By example synthesis of three-dimensional porous
-    materials* (2017): windows of the output are matched to windows of the exemplar (search phase) and
-    averaged with adaptive weights (optimisation phase), coarse to fine. By default it works on the
-    signed distance of the solid rather than on intensities, and brings the intensities over afterwards.
+    materials* (2017): windows of the output are matched to windows of the exemplar (search phase)
+    and averaged with adaptive weights (optimisation phase), coarse to fine. By default it works on
+    the signed distance of the solid rather than on intensities, and brings the intensities over
+    afterwards.
 
     Parameters
     ----------
     preset : {"quality", "fast", "paper"}, default "quality"
         Where the parameters that are not given come from. ``"quality"``: signed distance, three
         levels, coherent search, run penalty. ``"fast"``: two levels, two windows, half of the
-        iterations, no gradient term. ``"paper"``: the parameters of zhang_2017 §5.1, with intensities,
-        a kd-tree, the index histogram and adaptive weights; without symmetric copies, which the paper
-        names but does not count (``symmetry="full"`` adds all).
+        iterations, no gradient term. ``"paper"``: the parameters of zhang_2017 §5.1, with
+        intensities, a kd-tree, the index histogram and adaptive weights; without symmetric copies,
+        which the paper names but does not count (``symmetry="full"`` adds all).
     threshold : float, optional
         Gray value that parts pore from solid; Otsu's of the exemplar by default.
     solid : {"bright", "dark"}, default "bright"
         Which side of the threshold is solid.
     kind : {"auto", "gray", "binary", "label"}, default "auto"
-        What the exemplar's values mean. Two values are binary, up to 16 integers labels, all else gray.
+        What the exemplar's values mean. Two values are binary, up to 16 integers labels, all else
+        gray.
     field : {"distance", "intensity"}, default "distance"
         What is synthesised. The clipped signed distance carries shape over a window's edge, so that
         necks and walls join: on trabecular bone the structure error fell from 16 to 2 %, on Berea
@@ -56,8 +58,8 @@ class VolumeTexture:
     clip : int, default 6
         Where the signed distance is clipped, voxels; 3 to 6 measure the same, 10 worse.
     smoothing : float, default 0.5
-        Gaussian blur of the final distance before the cut, voxels; 0.5 takes spurious tips away, 0.7
-        starts to take structure.
+        Gaussian blur of the final distance before the cut, voxels; 0.5 takes spurious tips away,
+        0.7 starts to take structure.
     levels : int, default 3
         Resolutions, each half of the one before. Two levels copy smaller blocks and lose long-range
         order.
@@ -78,21 +80,21 @@ class VolumeTexture:
     variance : float, default 0.95
         Share of the variance above which no further component is kept (zhang_2017 §4.2).
     symmetry : {"none", "flips", "rotations", "full"}, default "none"
-        Symmetric copies of the exemplar that are offered too: 1, 8, 24 or 48. They do not improve the
-        statistics, and axis swaps harm anisotropic materials; memory grows with them.
+        Symmetric copies of the exemplar that are offered too: 1, 8, 24 or 48. They do not improve
+        the statistics, and axis swaps harm anisotropic materials; memory grows with them.
     keep_axis : {"z", "y", "x"}, optional
         Keep only symmetries that map this axis to itself, for a material with a direction.
     search : {"coherent", "kd_tree", "brute_force"}, default "coherent"
-        Coherent search continues what neighbouring windows found; about 500 times as fast as the exact
-        ones at the same quality.
+        Coherent search continues what neighbouring windows found; about 500 times as fast as the
+        exact ones at the same quality.
     candidates : int, default 10
         Nearest windows that the kd-tree ranks again by the full cost (k of the paper).
     index_weight : {"off", "literal", "normalised"}, default "off"
         The paper's index histogram, which makes much-used windows dearer: as printed (which does
         nothing measurable), or in units of the expected share.
     run_penalty : float, default 0.3
-        Price of continuing a verbatim copy, in units of the descriptors' variance: it trades structure
-        for novelty. 0 copies most; 0.1 to 0.3 is the useful range.
+        Price of continuing a verbatim copy, in units of the descriptors' variance: it trades
+        structure for novelty. 0 copies most; 0.1 to 0.3 is the useful range.
     run_reach : int, default 12
         Distance, in voxels of the level, over which a copy must not go on.
     exponent : float, default 0.8
@@ -173,8 +175,8 @@ class VolumeTexture:
         Raises
         ------
         ParameterError
-            If a parameter is out of range, or the exemplar is empty, constant, not finite, too small
-            for the windows or of one phase only.
+            If a parameter is out of range, or the exemplar is empty, constant, not finite, too
+            small for the windows or of one phase only.
         """
         parameters = resolve(self.parameters)
         stages = parameters.stages()
@@ -211,13 +213,14 @@ class VolumeTexture:
     ) -> SynthesizedVolume:
         """Make a volume.
 
-        The same exemplar, parameters, shape and seed give the same volume, bit for bit, on any number
-        of threads.
+        The same exemplar, parameters, shape and seed give the same volume, bit for bit, on any
+        number of threads.
 
         Parameters
         ----------
         shape : (int, int, int)
-            Voxels along (z, y, x); any aspect, each at least the largest window at the coarsest level.
+            Voxels along (z, y, x); any aspect, each at least the largest window at the coarsest
+            level.
         seed : int, default 0
             From 0 to 2⁶⁴ − 1.
         boundary : {"open", "periodic"}, default "open"
@@ -225,18 +228,18 @@ class VolumeTexture:
         porosity : float, optional
             Wanted pore fraction; the exemplar's by default. Reproduced to within one voxel.
         known : Volume or array_like, optional
-            Values of the voxels that are given, in an array of the output's shape (and the exemplar's
-            channels): a scan to extend, the surroundings of a hole. Kept exactly.
+            Values of the voxels that are given, in an array of the output's shape (and the
+            exemplar's channels): a scan to extend, the surroundings of a hole. Kept exactly.
         known_mask : numpy.ndarray of bool, optional
             Where ``known`` counts; shape (z, y, x).
         mask : numpy.ndarray of bool, optional
-            The voxels that matter, shape (z, y, x); windows that miss it are not searched, and voxels
-            outside hold the pore's lowest value.
+            The voxels that matter, shape (z, y, x); windows that miss it are not searched, and
+            voxels outside hold the pore's lowest value.
         threads : int, default 0
             0 takes all cores.
         progress : callable, optional
-            ``progress(stage, fraction)``, called between iterations on the calling thread. An exception
-            in it stops the work.
+            ``progress(stage, fraction)``, called between iterations on the calling thread. An
+            exception in it stops the work.
 
         Returns
         -------
@@ -254,10 +257,10 @@ class VolumeTexture:
 
         Notes
         -----
-        The structure is cut at the quantile that gives the wanted number of solid voxels exactly, over
-        the voxels that are neither known nor outside the mask; ties fall by a position-keyed random
-        number. Gray values of each phase then get the exemplar's histogram of that phase, so that a cut
-        at the exemplar's threshold gives that very structure.
+        The structure is cut at the quantile that gives the wanted number of solid voxels exactly,
+        over the voxels that are neither known nor outside the mask; ties fall by a position-keyed
+        random number. Gray values of each phase then get the exemplar's histogram of that phase, so
+        that a cut at the exemplar's threshold gives that very structure.
 
         Peak memory: see `estimate_memory`.
         """
@@ -280,7 +283,7 @@ class VolumeTexture:
             shape,
             self._options(boundary),
             seed=seed,
-            known=None if given is None else self._known_field(given, given_mask),
+            known=self._known_field(given, given_mask),
             known_mask=given_mask,
             domain=domain,
             threads=threads,
@@ -309,9 +312,10 @@ class VolumeTexture:
     def estimate_memory(self, shape: tuple[int, int, int]) -> int:
         """Return the peak memory of `sample` in bytes.
 
-        Per voxel of the output 16 bytes and 28 a field channel with the gradient term (20 without), 24
-        more for a gray exemplar; per voxel of the exemplar 24 bytes, 8 a channel, and the descriptors: 2
-        bytes a component, times the number of symmetric copies, with 40 more for the kd-tree.
+        Per voxel of the output 16 bytes and 28 a field channel with the gradient term (20 without),
+        24 more for a gray exemplar; per voxel of the exemplar 24 bytes, 8 a channel, and the
+        descriptors: 2 bytes a component, times the number of symmetric copies, with 40 more for the
+        kd-tree.
         """
         self._check_fitted()
         p = self.parameters_
@@ -456,8 +460,10 @@ class VolumeTexture:
         return np.ascontiguousarray(field, dtype=np.float32)
 
     def _known_field(
-        self, known: npt.NDArray[Any], on: npt.NDArray[np.bool_] | None
-    ) -> npt.NDArray[np.float32]:
+        self, known: npt.NDArray[Any] | None, on: npt.NDArray[np.bool_] | None
+    ) -> npt.NDArray[np.float32] | None:
+        if known is None or on is None:
+            return None
         filled = known.copy()
         filled[~on] = self.exemplar_.array[0, 0, 0]  # unknown voxels may hold anything, NaN too
         return self._field(filled, self._phases.phase_of(filled), on)
