@@ -188,7 +188,9 @@ mod tests {
         ] {
             let phases = cut_phases(&scores, &wanted, None, Key::new(1));
             let mut counts = vec![0; 3];
-            phases.iter().for_each(|&p| counts[usize::from(p)] += 1);
+            for &p in &phases {
+                counts[usize::from(p)] += 1;
+            }
             assert_eq!(counts, wanted);
         }
     }
