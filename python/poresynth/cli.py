@@ -443,11 +443,11 @@ def _run(run: RunConfig, output: Path, threads: int, report: Path | None) -> Non
         )
         engine = get_engine(run.engine)(**run.parameters).fit(exemplar)
         needed, free = engine.estimate_memory(run.shape), available_memory()
+        check_memory(needed, f"shape {' '.join(map(str, run.shape))}")
         console.note(
             f"needs about {format_bytes(needed)} of memory"
             + ("" if free is None else f"; {format_bytes(free)} is available")
         )
-        check_memory(needed, f"shape {' '.join(map(str, run.shape))}")
         with console.progress("synthesis") as progress:
             volume = engine.sample(
                 run.shape,

@@ -192,14 +192,14 @@ def load(path: str | Path) -> dict[str, Any]:
     except ValueError as error:
         raise FileError(f"{path}: not a configuration: {error}") from error
     if path.suffix == ".json":
-        try:
-            document = document["poresynth"]["configuration"]
-        except (KeyError, TypeError) as error:
-            raise FileError(
-                f"{path}: holds no configuration; it must be a .toml file or the .json file that "
-                "poresynth synthesize wrote beside a result"
-            ) from error
-    return dict(document)
+        for key in ("poresynth", "configuration"):
+            document = document.get(key) if isinstance(document, dict) else None
+    if not isinstance(document, dict):
+        raise FileError(
+            f"{path}: holds no configuration; it must be a .toml file or the .json file that "
+            "poresynth synthesize wrote beside a result"
+        )
+    return document
 
 
 def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
@@ -309,7 +309,7 @@ def explain(error: ValidationError) -> ParameterError:
         known = [f"{prefix}{name}" for name in model.model_fields]
         return _unknown(key, first["input"], known, "no key of the configuration")
     if first["type"] == "missing":
-        return ParameterError(key, "", "is needed")
+        return ParameterError(key, "(not given)", "is needed")
     message = first["msg"]
     return ParameterError(key, first["input"], message[0].lower() + message[1:])
 

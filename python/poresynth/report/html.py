@@ -129,7 +129,7 @@ def figures_table(groups: Mapping[str, Sequence[Any]]) -> str:
     return (
         f'<div class="verdict">{verdict}</div><div class="scroll"><table><thead><tr>{header}'
         f"</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
-        f'<p class="note">{legend}. Its range is that of random parts of the exemplar, measured in '
+        f'<p class="note">{legend}. The range comes from random parts of the exemplar, measured in '
         "the same way: by so much one specimen of this material differs from another.</p>"
     )
 

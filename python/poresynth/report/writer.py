@@ -148,7 +148,7 @@ def _data(
 
     return {
         **comparison.to_dict(),
-        "curves": {name: _plain(curve) for name, curve in comparison.curves.items()},
+        "curves": {name: vars(curve) for name, curve in comparison.curves.items()},
         "energy": [
             {
                 "level": int(record.level),
@@ -177,8 +177,9 @@ def _page(
     from poresynth import __version__
 
     origin = volume.metadata.get("poresynth", {})
+    name = Path((configuration or {}).get("exemplar", "")).name
     facts = {
-        "exemplar": _describe(exemplar),
+        "exemplar": f"{name}: {_describe(exemplar)}" if name else _describe(exemplar),
         "new volume": _describe(volume),
         "engine": _engine(origin),
         "seed": str(origin.get("seed", "not recorded")),
