@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from poresynth.errors import PoresynthError
+    from poresynth.io import read, write
+    from poresynth.preprocess import binarize, crop, downsample, threshold
     from poresynth.volume import Volume
 
 # Public names are imported when first used: a command line that only prints its help, or a
@@ -15,9 +17,25 @@ _HOME = {
     "PoresynthError": "poresynth.errors",
     "Volume": "poresynth.volume",
     "__version__": "poresynth._core",
+    "binarize": "poresynth.preprocess",
+    "crop": "poresynth.preprocess",
+    "downsample": "poresynth.preprocess",
+    "read": "poresynth.io",
+    "threshold": "poresynth.preprocess",
+    "write": "poresynth.io",
 }
 
-__all__ = ["PoresynthError", "Volume", "__version__"]
+__all__ = [
+    "PoresynthError",
+    "Volume",
+    "__version__",
+    "binarize",
+    "crop",
+    "downsample",
+    "read",
+    "threshold",
+    "write",
+]
 
 
 def __getattr__(name: str) -> Any:
