@@ -33,9 +33,9 @@ DEMO_SHAPE = (96, 96, 96)
 
 
 def _version() -> str:
-    from poresynth import __version__
+    import poresynth
 
-    return __version__
+    return str(poresynth.__version__)
 
 
 app = App(
@@ -429,7 +429,7 @@ def _run(run: RunConfig, output: Path, threads: int, report: Path | None) -> Non
         stack.enter_context(_reserved(output))
         _reserve_report(stack, report)
         exemplar = _read_exemplar(Path(run.exemplar), run.input)
-        digest = hashlib.sha256(np.ascontiguousarray(exemplar.array)).hexdigest()
+        digest = hashlib.sha256(np.ascontiguousarray(exemplar.array).data).hexdigest()
         if run.exemplar_sha256 not in (None, digest):
             raise ParameterError(
                 "exemplar",
@@ -553,17 +553,15 @@ def _crop(volume: Volume, ranges: tuple[str, str, str]) -> Volume:
 
     limits = []
     for axis, text, edge in zip("zyx", ranges, volume.shape, strict=True):
+        first, colon, last = text.partition(":")
         try:
-            start, stop = (
-                int(n) if n else d for n, d in zip(text.split(":"), (0, edge), strict=True)
-            )
+            start, stop = int(first or 0), int(last or edge)
         except ValueError:
-            start = stop = 0
-        if not 0 <= start < stop <= edge:
+            colon = ""
+        if not colon or not 0 <= start < stop <= edge:
             raise ParameterError(f"crop {axis}", text, f"must be start:stop within 0:{edge}")
         limits.append((start, stop))
-    start = tuple(a for a, _ in limits)
-    return preprocess.crop(volume, start, tuple(b - a for a, b in limits))
+    return preprocess.crop(volume, [a for a, _ in limits], [b - a for a, b in limits])
 
 
 @contextmanager

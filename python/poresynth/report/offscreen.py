@@ -70,10 +70,7 @@ def _draw(scene: Scene) -> npt.NDArray[np.uint8]:
     plotter.camera.parallel_scale = scene.size[1] * scene.pixel / 2
     plotter.reset_camera_clipping_range()
     plotter.enable_anti_aliasing("ssaa")
-    picture: npt.NDArray[np.uint8] = plotter.screenshot(
-        transparent_background=True, return_img=True
-    )
-    return picture
+    return np.asarray(plotter.screenshot(transparent_background=True, return_img=True))
 
 
 if __name__ == "__main__":

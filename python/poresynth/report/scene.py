@@ -125,7 +125,8 @@ def _block_mean(solid: npt.NDArray[np.bool_], factor: int) -> npt.NDArray[np.flo
     z, y, x = (edge // factor for edge in solid.shape)
     blocks = solid[: z * factor, : y * factor, : x * factor]
     blocks = blocks.reshape(z, factor, y, factor, x, factor)
-    return blocks.mean(axis=(1, 3, 5), dtype=np.float32)
+    mean: npt.NDArray[np.float32] = blocks.mean(axis=(1, 3, 5), dtype=np.float32)
+    return mean
 
 
 def sample(field: npt.NDArray[Any], points: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -158,6 +159,6 @@ def shade(scene: Scene, points: npt.NDArray[Any]) -> npt.NDArray[Any]:
     light *= 1 - OCCLUSION * (1 - np.clip(openness, 0, 1))
 
     near, far = PADDING + 0.7, np.array(scene.field.shape) - 1.7 - PADDING
-    cut = ((points < near) | (points > far)).any(axis=1)
-    colour = np.where(cut[:, None], CUT, BONE)
-    return np.clip(colour * light[:, None], 0, 1)
+    cut = np.any((points < near) | (points > far), axis=1, keepdims=True)
+    colour: npt.NDArray[Any] = np.clip(np.where(cut, CUT, BONE) * light[:, None], 0, 1)
+    return colour
