@@ -2,6 +2,9 @@
 //! calls a kernel, maps the error and wraps the result; nothing else happens here.
 
 mod cancellable;
+mod geometry;
+mod intensity;
+mod texture;
 
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
@@ -27,6 +30,13 @@ impl From<Error> for PyErr {
 #[pymodule]
 mod _core {
     use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use super::geometry::signed_distance;
+    #[pymodule_export]
+    use super::intensity::{cut_phases, cut_solid, ranks_by_phase};
+    #[pymodule_export]
+    use super::texture::{MatchMap, carry_values, gaussian, synthesize};
 
     /// Version of the compiled kernels.
     #[pymodule_init]
