@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+from os import PathLike
 from typing import Any
 
 __all__ = [
@@ -43,6 +45,42 @@ class ParameterError(PoresynthError, ValueError):
 
 class FileError(PoresynthError, OSError):
     """A file cannot be read or written: wrong suffix, truncated, missing, no room, in use."""
+
+    @classmethod
+    def because(cls, path: str | PathLike[str], error: BaseException) -> FileError:
+        """Return the error for ``path`` that says in one line why the system refused.
+
+        Parameters
+        ----------
+        path : path_like
+            The file or folder, as the caller wrote it.
+        error : BaseException
+            What the system or a library raised.
+        """
+        number = error.errno if isinstance(error, OSError) else None
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        said = lines[-1] if lines else type(error).__name__
+        # ndarray.tofile reports a full disk without an error number.
+        if number is None and isinstance(error, OSError) and "requested and" in said:
+            number = errno.ENOSPC
+        reason = _SYSTEM_REASONS.get(number) if number is not None else None
+        if reason is None:
+            reason = getattr(error, "strerror", None) or said
+        return cls(f"{path}: {reason}")
+
+
+_SYSTEM_REASONS = {
+    errno.ENOENT: "no such file or folder",
+    errno.EACCES: "permission denied",
+    errno.EPERM: "permission denied",
+    errno.EROFS: "permission denied: the disk is read-only",
+    errno.EISDIR: "is a folder, not a file",
+    errno.ENOTDIR: "a part of the path is a file, not a folder",
+    errno.ENOSPC: "no room left on the disk",
+    errno.EDQUOT: "no room left in the disk quota",
+    errno.EFBIG: "larger than the system allows a file to be",
+    errno.ENAMETOOLONG: "the name is too long",
+}
 
 
 class MissingExtraError(PoresynthError, ImportError):

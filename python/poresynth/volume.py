@@ -81,7 +81,9 @@ class Volume:
         """Return the same scale and metadata around another array."""
         return replace(self, array=array)
 
-    def __array__(self, dtype: npt.DTypeLike = None, copy: bool | None = None) -> npt.NDArray[Any]:
+    def __array__(
+        self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
+    ) -> npt.NDArray[Any]:
         """Return the voxels, for NumPy."""
         if copy:
             return np.array(self.array, dtype=dtype)

@@ -1,0 +1,234 @@
+"""TIFF: ImageJ hyperstacks where they can hold the volume, OME-TIFF for the rest."""
+
+from __future__ import annotations
+
+import logging
+import re
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
+
+from poresynth.errors import MissingExtraError, ParameterError
+from poresynth.io import header
+from poresynth.io.format import FLOATS, NARROW, Content, Format, FormatError
+from poresynth.io.units import MILLIMETRES, spell
+
+if TYPE_CHECKING:
+    import tifffile
+
+__all__ = ["TIFF"]
+
+# Data types of ImageJ; OME has the others.
+_IMAGEJ = ("uint8", "uint16", "float32")
+
+# Beyond it the offsets of a classic TIFF overflow; the rest of 4 GiB is left to its metadata.
+_CLASSIC = 2**32 - 2**25
+
+
+def _read(path: Path) -> Content:
+    import tifffile
+
+    with _strict(), tifffile.TiffFile(path) as file:
+        if len(file.series) != 1:
+            shapes = ", ".join(str(s.shape) for s in file.series[:3])
+            raise FormatError(
+                f"holds {len(file.series)} images of different shape or type ({shapes}); "
+                "save the one that is wanted by itself"
+            )
+        series = file.series[0]
+        _check_complete(file)
+        try:
+            array = _voxels(path, file, series)
+        except ValueError as error:
+            if "imagecodecs" in str(error):
+                raise MissingExtraError(f"{path}: its compression", "io") from error
+            raise
+        array = _arrange(array, series.axes, file.pages[0])
+        size, unit = _scale(file)
+        return Content(array, size, unit, _header(file))
+
+
+def _voxels(
+    path: Path, file: tifffile.TiffFile, series: tifffile.TiffPageSeries
+) -> npt.NDArray[Any]:
+    """Return the array of a series, mapped if it is one uncompressed block of bytes."""
+    if series.dataoffset is None:
+        return series.asarray()
+    dtype = np.dtype(series.dtype).newbyteorder(file.byteorder)
+    return np.memmap(path, dtype, "r", series.dataoffset, series.shape)
+
+
+def _arrange(array: npt.NDArray[Any], axes: str, page: Any) -> npt.NDArray[Any]:
+    """Return an array of any TIFF axes as (z, y, x[, channel])."""
+    extra = page.tags.get("ExtraSamples")
+    if "S" in axes and extra is not None and any(int(e) in (1, 2) for e in np.ravel(extra.value)):
+        raise FormatError(
+            "has transparency (an alpha channel), which has no meaning here; "
+            "remove it, in ImageJ by Image > Type > RGB Color"
+        )
+    # Axes of one entry say nothing; what else is not a channel is the stack.
+    keep = [i for i, n in enumerate(array.shape) if n > 1 or axes[i] in "YX"]
+    array, axes = array.reshape([array.shape[i] for i in keep]), "".join(axes[i] for i in keep)
+    channel = [i for i, a in enumerate(axes) if a in "CS"]
+    stack = [i for i, a in enumerate(axes) if a not in "CSYX"]
+    if len(channel) > 1 or len(stack) > 1:
+        raise FormatError(f"has axes {axes} of shape {array.shape}; only z, y, x and one channel")
+    array = array.transpose([*stack, axes.index("Y"), axes.index("X"), *channel])
+    if page.photometric == 0 and array.dtype == bool:  # White is zero.
+        array = ~array
+    return array if stack else array[np.newaxis]
+
+
+def _check_complete(file: tifffile.TiffFile) -> None:
+    """Raise if voxels lie beyond the end of the file."""
+    size, series = file.filehandle.size, file.series[0]
+    if series.dataoffset is not None:
+        end = series.dataoffset + series.nbytes
+    else:
+        end = max(int(np.add(p.dataoffsets, p.databytecounts).max()) for p in file.pages)
+    if end > size:
+        raise FormatError(f"truncated: it has {size} bytes of {end}")
+
+
+def _scale(file: tifffile.TiffFile) -> tuple[tuple[float, float, float], str]:
+    """Return voxel size and unit, where a program of the field wrote them."""
+    if file.is_ome:
+        pixels = _ome(file, "Pixels")
+        assert pixels is not None
+        x = float(pixels.get("PhysicalSizeX", 1))
+        y, z = float(pixels.get("PhysicalSizeY", x)), float(pixels.get("PhysicalSizeZ", x))
+        if "PhysicalSizeX" not in pixels.attrib:
+            return (1.0, 1.0, 1.0), "voxel"
+        return (z, y, x), spell(pixels.get("PhysicalSizeXUnit", "µm"))
+    if file.is_imagej:
+        fields: dict[str, Any] = file.imagej_metadata or {}
+        # ImageJ leaves a spacing of 1 out; an image has none.
+        spacing = fields.get("spacing", 1.0 if fields.get("images", 1) > 1 else None)
+    elif file.is_shaped:
+        fields = (file.shaped_metadata or ({},))[0]
+        spacing = fields.get("spacing")
+    else:
+        return (1.0, 1.0, 1.0), "voxel"
+    unit = spell(str(fields.get("unit", "voxel")))
+    y, x = _edge(file.pages[0], "YResolution"), _edge(file.pages[0], "XResolution")
+    if unit == "voxel" and spacing is None:
+        return (1.0, 1.0, 1.0), unit
+    return (abs(float(spacing)) if spacing else x, y, x), unit
+
+
+def _edge(page: Any, tag: str) -> float:
+    """Return the edge of a pixel from a resolution tag, a ratio of pixels to units."""
+    found = page.tags.get(tag)
+    pixels, units = found.value if found is not None else (1, 1)
+    return float(units / pixels) if pixels and units else 1.0
+
+
+def _header(file: tifffile.TiffFile) -> dict[str, Any] | None:
+    if file.is_ome:
+        element = _ome(file, "Description")
+        text = element.text if element is not None else None
+    else:
+        text = (file.imagej_metadata or {}).get("Info") if file.is_imagej else None
+    return header.decode(text) if text else None
+
+
+def _ome(file: tifffile.TiffFile, name: str) -> ElementTree.Element | None:
+    """Return the first element of a name in the first image of the OME-XML."""
+    root = ElementTree.fromstring(file.ome_metadata or "<OME/>")
+    return root.find(f"{{*}}Image/{{*}}{name}")
+
+
+@contextmanager
+def _strict() -> Iterator[None]:
+    """Turn what tifffile only logs, such as a chain of pages that breaks off, into an error."""
+    thread = threading.get_ident()
+
+    class Raise(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            message = record.getMessage()
+            # Its warnings of tags that nobody needs are left alone; those of a series say that
+            # pages are missing or were filled with zeros.
+            lost = record.levelno >= logging.ERROR or "series" in message or "asarray" in message
+            if lost and record.thread == thread:
+                raise ValueError(re.sub(r"^<.*?> ", "", message))
+
+    logger, handler = logging.getLogger("tifffile"), Raise(logging.WARNING)
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+
+
+def _write(
+    path: Path, content: Content, *, compression: str = "none", bigtiff: bool | None = None
+) -> None:
+    import tifffile
+
+    if compression not in ("none", "zlib"):
+        raise ParameterError("compression", compression, "must be 'none' or 'zlib'")
+    array = content.array
+    big = array.nbytes > _CLASSIC if bigtiff is None else bigtiff
+    rgb = array.ndim == 4 and array.shape[3] == 3 and array.dtype == np.uint8
+    if array.ndim == 4 and not rgb:
+        array = np.moveaxis(array, 3, 1)
+    axes = "ZYX" if array.ndim == 3 else "ZYXS" if rgb else "ZCYX"
+    ome = path.name.lower().endswith((".ome.tif", ".ome.tiff"))
+    ome = ome or big or array.dtype.name not in _IMAGEJ
+    metadata = _ome_metadata(content) if ome else _imagej_metadata(content)
+    if not (ome or rgb):  # Else tifffile takes an x axis of one voxel for the samples.
+        array, axes = array[..., np.newaxis], axes + "S"
+    _, y, x = content.voxel_size
+    tifffile.imwrite(
+        path,
+        np.ascontiguousarray(array),
+        ome=ome,
+        imagej=not ome,
+        bigtiff=big,
+        photometric="rgb" if rgb else "minisblack",
+        compression=None if compression == "none" else compression,
+        resolution=(1 / x, 1 / y),
+        resolutionunit="NONE",
+        metadata={"axes": axes, **metadata},
+    )
+
+
+def _imagej_metadata(content: Content) -> dict[str, Any]:
+    return {
+        "spacing": content.voxel_size[0],
+        "unit": {"voxel": "pixel", "µm": "um"}.get(content.unit, content.unit),
+        "Info": header.encode(content.header) if content.header else "",
+    }
+
+
+def _ome_metadata(content: Content) -> dict[str, Any]:
+    metadata: dict[str, Any] = {}
+    if content.header:
+        metadata["Description"] = header.encode(content.header)
+    if content.unit in MILLIMETRES:  # OME knows these, and no unit of any other name.
+        unit = "in" if content.unit == "inch" else content.unit
+        for axis, size in zip("ZYX", content.voxel_size, strict=True):
+            metadata |= {f"PhysicalSize{axis}": size, f"PhysicalSize{axis}Unit": unit}
+    return metadata
+
+
+def _matches(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(4) in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+
+
+TIFF = Format(
+    name="TIFF",
+    suffixes=(".tif", ".tiff"),
+    dtypes=("bool", *NARROW, *FLOATS),
+    read=_read,
+    write=_write,
+    matches=_matches,
+    holds_header=True,
+)
