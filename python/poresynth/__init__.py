@@ -6,6 +6,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from poresynth.compare import compare
     from poresynth.engines.volume_texture import VolumeTexture
     from poresynth.errors import PoresynthError
     from poresynth.io import read, write
@@ -21,6 +22,7 @@ _HOME = {
     "VolumeTexture": "poresynth.engines.volume_texture",
     "__version__": "poresynth._core",
     "binarize": "poresynth.preprocess",
+    "compare": "poresynth.compare",
     "crop": "poresynth.preprocess",
     "downsample": "poresynth.preprocess",
     "read": "poresynth.io",
@@ -35,6 +37,7 @@ __all__ = [
     "VolumeTexture",
     "__version__",
     "binarize",
+    "compare",
     "crop",
     "downsample",
     "read",

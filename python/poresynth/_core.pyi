@@ -79,3 +79,21 @@ def ranks_by_phase(
     *,
     seed: int,
 ) -> npt.NDArray[np.uint32]: ...
+def label(
+    solid: npt.NDArray[np.bool_], *, connectivity: int, boundary: str, threads: int = 0
+) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint64]]: ...
+def component_sizes(
+    solid: npt.NDArray[np.bool_], *, connectivity: int, boundary: str, threads: int = 0
+) -> npt.NDArray[np.uint64]: ...
+def two_point(
+    solid: npt.NDArray[np.bool_], r_max: int, *, boundary: str, threads: int = 0
+) -> list[npt.NDArray[np.float64]]: ...
+def novelty(
+    exemplar: npt.NDArray[np.float32],
+    volume: npt.NDArray[np.float32],
+    edge: int,
+    *,
+    probes: int,
+    seed: int,
+    threads: int = 0,
+) -> tuple[float, float] | None: ...

@@ -9,7 +9,7 @@ use crate::volume::Boundary;
 
 /// S₂ of the true voxels for r = 0 … `r_max`: radial, along z, along y, along x.
 #[pyfunction]
-#[pyo3(signature = (solid, r_max, boundary, threads=0))]
+#[pyo3(signature = (solid, r_max, *, boundary, threads=0))]
 pub(super) fn two_point<'py>(
     py: Python<'py>,
     solid: PyReadonlyArray3<'py, bool>,
@@ -29,7 +29,7 @@ pub(super) fn two_point<'py>(
 /// Novelty of blocks of `edge`³, plain and against the exemplar's mirror images too; none where
 /// the exemplar or the volume is too small.
 #[pyfunction]
-#[pyo3(signature = (exemplar, volume, edge, probes, seed, threads=0))]
+#[pyo3(signature = (exemplar, volume, edge, *, probes, seed, threads=0))]
 pub(super) fn novelty(
     py: Python<'_>,
     exemplar: PyReadonlyArray3<'_, f32>,

@@ -11,12 +11,12 @@ use crate::volume::Boundary;
 
 /// Labels (uint32, 0 outside the phase) and sizes of the components of the true voxels.
 #[pyfunction]
-#[pyo3(signature = (solid, connectivity, boundary, threads=0))]
+#[pyo3(signature = (solid, *, connectivity, boundary, threads=0))]
 #[allow(clippy::type_complexity)]
 pub(super) fn label<'py>(
     py: Python<'py>,
     solid: PyReadonlyArray3<'py, bool>,
-    connectivity: usize,
+    connectivity: i64,
     boundary: &str,
     threads: usize,
 ) -> PyResult<(Bound<'py, PyArray3<u32>>, Bound<'py, PyArray1<u64>>)> {
@@ -36,11 +36,11 @@ pub(super) fn label<'py>(
 
 /// Sizes in voxels of the components of the true voxels.
 #[pyfunction]
-#[pyo3(signature = (solid, connectivity, boundary, threads=0))]
+#[pyo3(signature = (solid, *, connectivity, boundary, threads=0))]
 pub(super) fn component_sizes<'py>(
     py: Python<'py>,
     solid: PyReadonlyArray3<'py, bool>,
-    connectivity: usize,
+    connectivity: i64,
     boundary: &str,
     threads: usize,
 ) -> PyResult<Bound<'py, PyArray1<u64>>> {

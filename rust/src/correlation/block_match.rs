@@ -20,7 +20,8 @@ use crate::rng::Key;
 use crate::volume::Shape;
 
 /// Novelty of blocks of one edge length: 0 where they are verbatim copies, 1 where they differ from
-/// every place in the exemplar as much as one half of the exemplar differs from the other.
+/// every place in the exemplar as much as one half of the exemplar differs from the other; NaN where
+/// the halves do not differ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Novelty {
     /// Against the exemplar as it is.
@@ -81,13 +82,15 @@ pub fn novelty(
         .collect::<Result<Vec<_>>>()?;
     let ratio = |value: fn(&Novelty) -> f64| {
         let median_of = |first| median(found.iter().skip(first).step_by(2).map(value).collect());
-        median_of(1) / median_of(0).max(SMALLEST)
+        let own = median_of(0);
+        if own < SMALLEST { f64::NAN } else { median_of(1) / own }
     };
     Ok(Some(Novelty { plain: ratio(|n| n.plain), mirrored: ratio(|n| n.mirrored) }))
 }
 
-/// Keeps the ratio finite for an exemplar whose halves are copies of each other.
-const SMALLEST: f64 = 1e-9;
+/// Difference between the halves of an exemplar, in units of its variance, below which they are
+/// copies of each other and novelty has no measure.
+const SMALLEST: f64 = 1e-3;
 
 /// Mean and deviation of a volume.
 struct Standardised {
@@ -635,10 +638,15 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_volume_has_a_finite_novelty() {
-        let constant = Array3::from_elem((12, 8, 8), 3.0);
-        let found = novelty(constant.view(), constant.view(), 4, 3, 0, &Monitor::silent());
-        assert_eq!(found, Ok(Some(Novelty { plain: 0.0, mirrored: 0.0 })));
+    fn an_exemplar_whose_halves_are_copies_measures_nothing() {
+        let half = random((8, 8, 8), 4);
+        let exemplar = ndarray::concatenate![Axis(0), half, half];
+        for exemplar in [exemplar, Array3::from_elem((16, 8, 8), 3.0)] {
+            let volume = random((9, 9, 9), 5);
+            let silent = Monitor::silent();
+            let found = novelty(exemplar.view(), volume.view(), 4, 3, 0, &silent).unwrap().unwrap();
+            assert!(found.plain.is_nan() && found.mirrored.is_nan());
+        }
     }
 
     #[test]

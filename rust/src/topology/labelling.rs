@@ -23,10 +23,10 @@ pub enum Connectivity {
     Corners,
 }
 
-impl TryFrom<usize> for Connectivity {
+impl TryFrom<i64> for Connectivity {
     type Error = Error;
 
-    fn try_from(neighbours: usize) -> Result<Self> {
+    fn try_from(neighbours: i64) -> Result<Self> {
         match neighbours {
             6 => Ok(Self::Faces),
             18 => Ok(Self::Edges),
@@ -421,7 +421,7 @@ mod tests {
     use crate::threads::with_threads;
 
     /// Flood fill, voxel by voxel.
-    fn twin(solid: &Array3<bool>, neighbours: i32, periodic: bool) -> (Array3<u32>, Vec<u64>) {
+    fn twin(solid: &Array3<bool>, neighbours: i64, periodic: bool) -> (Array3<u32>, Vec<u64>) {
         let mut labels = Array3::zeros(solid.dim());
         let mut sizes = Vec::new();
         let shape = [solid.dim().0, solid.dim().1, solid.dim().2].map(|n| n as i32);
@@ -457,7 +457,7 @@ mod tests {
 
     fn labelled(
         solid: ArrayView3<'_, bool>,
-        neighbours: usize,
+        neighbours: i64,
         boundary: Boundary,
     ) -> (Array3<u32>, Vec<u64>) {
         let mut labels = Array3::zeros(solid.dim());
@@ -479,11 +479,11 @@ mod tests {
         #[test]
         fn agrees_with_a_flood_fill(
             solid in volumes(),
-            neighbours in prop::sample::select(vec![6usize, 18, 26]),
+            neighbours in prop::sample::select(vec![6i64, 18, 26]),
             periodic: bool,
         ) {
             let boundary = if periodic { Boundary::Periodic } else { Boundary::Open };
-            let expected = twin(&solid, neighbours as i32, periodic);
+            let expected = twin(&solid, neighbours, periodic);
             prop_assert_eq!(&labelled(solid.view(), neighbours, boundary), &expected);
             let fortran = solid.t().as_standard_layout().into_owned().reversed_axes();
             prop_assert_eq!(&labelled(fortran.view(), neighbours, boundary), &expected);
