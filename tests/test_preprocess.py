@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from scipy import stats
 from skimage.filters import threshold_otsu
 from skimage.measure import block_reduce
 
@@ -89,11 +88,11 @@ def test_gray_is_the_mean(factor: int, order: str, dtype: str) -> None:
         np.testing.assert_array_equal(found, np.rint(mean))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     array=hnp.arrays(
         st.sampled_from([np.uint8, np.int16, np.int64, np.float32]),
-        hnp.array_shapes(min_dims=3, max_dims=3, min_side=2, max_side=7),
+        hnp.array_shapes(min_dims=3, max_dims=3, min_side=2, max_side=5),
         elements=st.integers(0, 3),
     ),
     factor=st.integers(1, 3),
@@ -105,8 +104,8 @@ def test_labels_are_the_majority(array: np.ndarray, factor: int) -> None:
     assert found.shape == tuple(n // factor for n in array.shape)
     for position in np.ndindex(found.shape):
         block = array[tuple(slice(factor * i, factor * (i + 1)) for i in position)]
-        # SciPy too takes the lowest of several.
-        assert found[position] == stats.mode(block, axis=None).mode
+        values, counts = np.unique(block, return_counts=True)
+        assert found[position] == values[np.argmax(counts)]
 
 
 def test_ties_go_to_the_lower_label() -> None:

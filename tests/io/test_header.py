@@ -73,7 +73,7 @@ def test_a_scale_changed_by_another_program_holds(tmp_path: Path) -> None:
     edited = {"axes": "ZYX", "spacing": 40.0, "unit": "um", "Info": info(path)}
     tifffile.imwrite(path, VOXELS, imagej=True, resolution=(1 / 20, 1 / 20), metadata=edited)
     found = poresynth.read(path)
-    assert found.voxel_size == (40, 20, 20)
+    assert found.voxel_size == pytest.approx((40, 20, 20))
     assert found.metadata == {"poresynth": PROVENANCE}
 
 

@@ -49,7 +49,7 @@ def _read(path: Path) -> Content:
         _check_complete(file)
         try:
             array = _voxels(path, file, series)
-        except ValueError as error:
+        except (ValueError, KeyError) as error:
             if "imagecodecs" in str(error):
                 raise MissingExtraError(f"{path}: its compression", "io") from error
             raise
@@ -165,10 +165,10 @@ def _strict() -> Iterator[None]:
     class Raise(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
             message = record.getMessage()
-            # Its warnings of tags that nobody needs are left alone; those of a series say that
-            # pages are missing or were filled with zeros.
-            lost = record.levelno >= logging.ERROR or "series" in message or "asarray" in message
-            if lost and record.thread == thread:
+            # Its warnings of odd tags are left alone; these say that pages are missing or were
+            # filled with zeros.
+            lost = re.search("series|asarray|offset|corrupt", message)
+            if (lost or record.levelno >= logging.ERROR) and record.thread == thread:
                 raise ValueError(re.sub(r"^<.*?> ", "", message))
 
     logger, handler = logging.getLogger("tifffile"), Raise(logging.WARNING)
