@@ -45,6 +45,8 @@ TWO_POINT = {
 NOVELTY = re.compile(r"novelty_\d+$")
 # Width of a row of surfaces in pixels: twice the width on the page, for sharp screens.
 SURFACE_PIXELS = 1600
+# In voxels: smaller pixels show nothing more.
+SMALLEST_PIXEL = 1 / 6
 
 
 def write_report(
@@ -246,7 +248,7 @@ def _surfaces(exemplar: Volume, volume: Volume, comparison: Comparison) -> str:
 
     shown = central_part(volume, exemplar)
     edges = max(exemplar.shape) + max(shown.shape)
-    pixel = 1.4 * edges / SURFACE_PIXELS
+    pixel = max(1.4 * edges / SURFACE_PIXELS, SMALLEST_PIXEL)
     row = []
     for name, part, whole in (("exemplar", exemplar, exemplar), ("new volume", shown, volume)):
         solid = binarize(part, comparison.threshold, comparison.solid)
