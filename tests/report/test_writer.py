@@ -62,7 +62,11 @@ def text(
             volume,
             comparison,
             energy=ENERGY,
-            configuration={"exemplar": "scans/bone.tif", "seed": 7},
+            configuration={
+                "exemplar": "scans/bone.tif",
+                "parameters": {"windows": [8, 4]},
+                "seed": 7,
+            },
             command="poresynth synthesize 'my bone.tif'",
         )
     assert page.name == "report.html"
@@ -76,7 +80,7 @@ def test_the_page_says_what_was_made_and_how(text: str) -> None:
         "volume, preset fast",
         "poresynth 9.8.7",
         "poresynth synthesize &#x27;my bone.tif&#x27;",
-        "&quot;seed&quot;: 7",
+        "<code>exemplar = &quot;scans/bone.tif&quot;\nseed = 7\n\n[parameters]\nwindows = [8, 4]<",
     ):
         assert words in text
 
