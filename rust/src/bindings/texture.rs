@@ -8,7 +8,7 @@ use super::cancellable;
 use crate::error::{Error, Result};
 use crate::rng::Key;
 use crate::texture::blend::Source;
-use crate::texture::engine::{Backend, IndexWeight};
+use crate::texture::parameters::{Backend, IndexWeight};
 use crate::texture::symmetry::{Orientation, Symmetry, View};
 use crate::texture::{
     Constraints, Field, Parameters, Stage, carry, copying, pyramid, synthesize as optimise,
@@ -179,6 +179,7 @@ pub(super) fn synthesize<'py>(
 /// Brings values of the exemplar (channel, z, y, x) to a synthetic field through its match map.
 #[pyfunction]
 #[pyo3(name = "carry", signature = (exemplar, field, values, match_map, *, seed, slab, threads=0))]
+#[allow(clippy::too_many_arguments)]
 pub(super) fn carry_values<'py>(
     py: Python<'py>,
     exemplar: PyReadonlyArray4<'py, f32>,

@@ -29,7 +29,7 @@ impl Lattice {
         let origins = std::array::from_fn(|axis| {
             let (n, shift) = (shape[axis], shift[axis] % step);
             let mut list: Vec<usize> = match boundary {
-                Boundary::Open => (0..)
+                Boundary::Open => (0..=n.div_ceil(step))
                     .map(|k| (k * step).saturating_sub(shift))
                     .take_while(|&o| o + window < n + step)
                     .map(|o| o.min(n.saturating_sub(window)))

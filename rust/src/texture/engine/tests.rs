@@ -1,9 +1,13 @@
+#![allow(clippy::float_cmp)] // equal bits are what is asked for
+
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::*;
+use crate::error::Error;
 use crate::texture::symmetry::Symmetry;
 use crate::threads::with_threads;
+use crate::volume::{Boundary, position, voxels};
 
 /// Smooth noise: something with a structure a few voxels large.
 fn exemplar(channels: usize) -> Field {
@@ -48,7 +52,7 @@ fn run(p: &Parameters, constraints: Constraints) -> Synthesis {
 fn the_result_is_the_same_on_any_number_of_threads_and_slabs() {
     for boundary in [Boundary::Open, Boundary::Periodic] {
         for backend in [Backend::Coherent, Backend::KdTree(5)] {
-            let p = Parameters { boundary, backend, ..parameters() };
+            let p = Parameters { backend, boundary, ..parameters() };
             let first = run(&p, Constraints::default());
             for (threads, slab) in [(1, 5), (2, 1), (8, 64), (3, 7)] {
                 let p = Parameters { slab, ..p.clone() };
