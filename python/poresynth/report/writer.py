@@ -45,6 +45,8 @@ TWO_POINT = {
 NOVELTY = re.compile(r"novelty_\d+$")
 # Width of a row of surfaces in pixels: twice the width on the page, for sharp screens.
 SURFACE_PIXELS = 1600
+# In voxels: smaller pixels show nothing more.
+SMALLEST_PIXEL = 1 / 6
 
 
 def write_report(
@@ -194,8 +196,7 @@ def _page(
         html.Section("Curves", _charts(comparison, energy)),
     ]
     if configuration is not None:
-        text = json.dumps(configuration, indent=2, ensure_ascii=False)
-        sections.append(html.Section("Configuration", html.code(text)))
+        sections.append(html.Section("Configuration", html.code(_toml(configuration))))
     if command is not None:
         sections.append(html.Section("The command that repeats the run", html.code(command)))
     return html.page(
@@ -205,6 +206,21 @@ def _page(
         sections,
         f"poresynth {__version__}. The same numbers for programs: report.json.",
     )
+
+
+def _toml(document: Mapping[str, Any]) -> str:
+    """Write a configuration as it can be given back: plain values are the same in JSON and TOML."""
+
+    def line(key: str, value: Any) -> str:
+        return f"{key} = {json.dumps(value, ensure_ascii=False)}"
+
+    plain, tables = [], []
+    for key, value in document.items():
+        if isinstance(value, Mapping):
+            tables += ["", f"[{key}]", *(line(*item) for item in value.items())]
+        else:
+            plain.append(line(key, value))
+    return "\n".join([*plain, *tables])
 
 
 def _describe(volume: Volume) -> str:
@@ -246,7 +262,7 @@ def _surfaces(exemplar: Volume, volume: Volume, comparison: Comparison) -> str:
 
     shown = central_part(volume, exemplar)
     edges = max(exemplar.shape) + max(shown.shape)
-    pixel = 1.4 * edges / SURFACE_PIXELS
+    pixel = max(1.4 * edges / SURFACE_PIXELS, SMALLEST_PIXEL)
     row = []
     for name, part, whole in (("exemplar", exemplar, exemplar), ("new volume", shown, volume)):
         solid = binarize(part, comparison.threshold, comparison.solid)
