@@ -26,7 +26,7 @@ fn exemplar() -> Field {
     let noise = Field::new(EXEMPLAR, 1, noise).expect("one value a voxel");
     let smooth = pyramid::gaussian(&noise, 2.5, Boundary::Periodic);
     let clipped =
-        smooth.into_values().iter().map(|v| ((v - 127.5) * 12.0 + 127.5).clamp(0.0, 255.0));
+        smooth.into_values().into_iter().map(|v| ((v - 127.5) * 12.0 + 127.5).clamp(0.0, 255.0));
     Field::new(EXEMPLAR, 1, clipped.collect()).expect("one value a voxel")
 }
 
