@@ -425,6 +425,11 @@ def _run(run: RunConfig, output: Path, threads: int, report: Path | None) -> Non
     from poresynth.engines import get_engine
     from poresynth.resources import available_memory, check_memory, format_bytes
 
+    if run.version not in (None, _version()):
+        console.note(
+            f"the configuration was saved by version {run.version}; this is {_version()}, which may "
+            "give other voxels"
+        )
     with ExitStack() as stack:
         stack.enter_context(_reserved(output))
         _reserve_report(stack, report)
