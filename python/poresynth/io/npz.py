@@ -16,7 +16,7 @@ __all__ = ["NPZ"]
 
 
 def _read(path: Path, *, name: str | None = None) -> Content:
-    with np.load(path, allow_pickle=False) as file:
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
         arrays = {n: file[n] for n in (file.files if name is None else [name]) if n in file}
         images = [n for n, array in arrays.items() if array.ndim in (2, 3, 4)]
         if len(images) != 1:
