@@ -550,24 +550,21 @@ def _compare(
 def _print_comparison(comparison: Comparison) -> None:
     from poresynth.report.html import format_number
 
-    def rows() -> Iterator[tuple[str, ...]]:
-        for figure in comparison.figures.values():
-            spread = (
-                ""
-                if figure.low is None
-                else "–".join(format_number(limit) for limit in (figure.low, figure.high))
-            )
-            yield (
+    rows = []
+    for figure in comparison.figures.values():
+        unit = f" {figure.unit}" if figure.unit else ""
+        spread = [format_number(n) for n in (figure.low, figure.high) if n is not None]
+        rows.append(
+            (
                 figure.name,
-                format_number(figure.value),
-                figure.unit,
+                format_number(figure.value) + unit,
                 format_number(figure.exemplar),
-                spread,
+                " to ".join(spread),
                 figure.mark,
             )
-
-    header = ("figure", "new volume", "unit", "exemplar", "its range", "mark")
-    console.figures("The new volume beside its exemplar", rows(), header)
+        )
+    header = ("figure", "new volume", "exemplar", "its range", "mark")
+    console.figures("The new volume beside its exemplar", rows, header)
 
 
 def _read(path: Path, source: ReadConfig | None = None) -> Volume:

@@ -98,8 +98,7 @@ def two_point(curve: Curve) -> Callable[[Axes, Theme], None]:
         axes.plot(curve.r, curve.exemplar, color=theme.exemplar, lw=1.4, ls="--", label="exemplar")
         axes.plot(curve.r, curve.volume, color=theme.volume, lw=1.8, label="new volume")
         axes.set(xlabel="distance r (voxels)", ylabel="probability that both ends are solid")
-        axes.set_xlim(left=0)
-        axes.margins(x=0)
+        axes.set_xlim(0, curve.r[-1])
         axes.legend()
 
     return plot

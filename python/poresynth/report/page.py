@@ -6,7 +6,6 @@ import datetime
 import json
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from poresynth.report import html
@@ -57,9 +56,8 @@ def render(
     from poresynth import __version__
 
     origin = volume.metadata.get("poresynth", {})
-    name = Path((configuration or {}).get("exemplar", "")).name
     facts = {
-        "exemplar": f"{name}: {_describe(exemplar)}" if name else _describe(exemplar),
+        "exemplar": _describe(exemplar),
         "new volume": _describe(volume),
         "engine": _engine(origin),
         "seed": str(origin.get("seed", "not recorded")),
