@@ -18,6 +18,7 @@ from poresynth.errors import FileError
 from poresynth.exemplars import spinodal
 from poresynth.io import atomic
 from poresynth.report import render3d, reserved, write_report
+from poresynth.report.words import explain
 from poresynth.volume import Volume
 
 ENERGY = [EnergyRecord(1, 4, i, 9.0 / (i + 1), 5.0, 1.0, 1.0) for i in range(4)]
@@ -75,7 +76,7 @@ def text(
 
 def test_the_page_says_what_was_made_and_how(text: str) -> None:
     for words in (
-        "bone.tif: 32 × 32 × 32 voxels of 40 × 20 × 20 µm",
+        "32 × 32 × 32 voxels of 40 × 20 × 20 µm",
         "40 × 36 × 32 voxels",
         "volume, preset fast",
         "poresynth 9.8.7",
@@ -88,7 +89,8 @@ def test_the_page_says_what_was_made_and_how(text: str) -> None:
 def test_the_page_holds_every_figure(text: str, comparison: Comparison) -> None:
     assert comparison.figures
     for figure in comparison.figures.values():
-        assert figure.name.removesuffix("_percent").replace("_", " ") in text
+        assert f"<code>{figure.name}</code>" in text
+        assert explain(figure.name)[1], f"{figure.name} is not explained"
 
 
 def test_the_page_holds_every_picture(text: str) -> None:
