@@ -53,9 +53,11 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/installed: $(COMPILED) | $(VENV)/bin/python
+	@echo "Installing into $(VENV); the first time takes a few minutes."
 	$(BIN)/pip install --quiet --editable .
 	touch $@
 
 $(VENV)/installed-all: $(COMPILED) | $(VENV)/bin/python
+	@echo "Installing into $(VENV) with all extras (PyTorch is large); the first time takes a while."
 	$(BIN)/pip install --quiet --editable '.[$(EXTRAS)]'
 	touch $(VENV)/installed $@

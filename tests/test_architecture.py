@@ -28,7 +28,7 @@ PYTHON_ARROWS = {
     "metrics": GROUND | {"_core", "preprocess"},
     "engines": GROUND | {"_core", "io", "preprocess", "metrics", "resources"},
     "compare": GROUND | {"_core", "preprocess", "metrics"},
-    "report": GROUND | {"io", "preprocess", "compare"},
+    "report": GROUND | {"io", "preprocess", "metrics", "compare"},
     "config": {"errors", "engines"},
     "cli": GROUND
     | {"io", "preprocess", "exemplars", "engines", "metrics", "compare", "resources"}

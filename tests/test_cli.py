@@ -138,6 +138,21 @@ def test_another_exemplar_is_not_a_repetition(
     run(*repeat[:1], mine, *repeat[1:])
 
 
+def test_another_version_is_mentioned(
+    example: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    synthesize(example)
+    sidecar = Path("new.tif.json")
+    document = json.loads(sidecar.read_text())
+    document["poresynth"]["configuration"]["version"] = "0.0.1"
+    Path("old.json").write_text(json.dumps(document))
+    capsys.readouterr()
+    run("synthesize", "-o", "again.tif", "--config", sidecar)
+    assert "saved by version" not in capsys.readouterr().err
+    run("synthesize", "-o", "again.tif", "--config", "old.json")
+    assert "saved by version 0.0.1" in capsys.readouterr().err
+
+
 def test_settings_may_follow_one_another_or_be_repeated(example: Path, folder: Path) -> None:
     together = synthesize(example)
     words = [word for setting in SMALL[1:] for word in ("--set", setting)]

@@ -240,7 +240,19 @@ def measure(
     source
         How the volume is read.
     """
-    raise NotImplementedError
+    from poresynth import metrics
+    from poresynth.report.html import format_number
+
+    with ExitStack() as stack:
+        _reserve_json(stack, json_file)
+        found = metrics.measure(_read(volume, source), threshold=threshold, solid=solid)
+        rows = [
+            (name, format_number(found[name]), metric.unit, metric.description)
+            for name, metric in metrics.METRICS.items()
+        ]
+        console.figures(str(volume), rows, ("figure", "value", "unit", "what it says"))
+        if json_file is not None:
+            _write_json(json_file, found)
 
 
 @app.command
@@ -425,6 +437,11 @@ def _run(run: RunConfig, output: Path, threads: int, report: Path | None) -> Non
     from poresynth.engines import get_engine
     from poresynth.resources import available_memory, check_memory, format_bytes
 
+    if run.version not in (None, _version()):
+        console.note(
+            f"the configuration was saved by version {run.version}; this is {_version()}, "
+            "which may give other voxels"
+        )
     with ExitStack() as stack:
         stack.enter_context(_reserved(output))
         _reserve_report(stack, report)
@@ -465,8 +482,28 @@ def _run(run: RunConfig, output: Path, threads: int, report: Path | None) -> Non
         origin["command"] = run.command(output)
         io.write(output, volume)
         console.result(f"new volume: {output}")
-        if report is not None:
+        if report is None:
+            _print_copying(exemplar, volume, threads)
+        else:
             _report(report, exemplar, volume, threads)
+
+
+def _print_copying(exemplar: Volume, volume: SynthesizedVolume, threads: int) -> None:
+    """Print how much is verbatim: no result goes without it."""
+    from poresynth.metrics import novelty
+    from poresynth.metrics.copying import EDGES
+    from poresynth.metrics.structure import first_channel
+    from poresynth.report.html import format_number
+
+    copying = volume.metadata["poresynth"]["copying"]
+    rows = [(name, format_number(value)) for name, value in copying.items()]
+    arrays = first_channel(exemplar, "exemplar"), first_channel(volume, "volume")
+    for edge in EDGES:
+        found = novelty(*arrays, edge, threads=threads)
+        rows.append((f"novelty_{edge}", format_number(found.plain)))
+        rows.append((f"novelty_{edge}_mirrors", format_number(found.mirrored)))
+    title = "How new it is (novelty 0: a copy, 1: as different as two halves of the exemplar)"
+    console.figures(title, rows, ("figure", "new volume"))
 
 
 def _report(report: Path, exemplar: Volume, volume: SynthesizedVolume, threads: int) -> None:
@@ -513,24 +550,21 @@ def _compare(
 def _print_comparison(comparison: Comparison) -> None:
     from poresynth.report.html import format_number
 
-    def rows() -> Iterator[tuple[str, ...]]:
-        for figure in comparison.figures.values():
-            spread = (
-                ""
-                if figure.low is None
-                else "–".join(format_number(limit) for limit in (figure.low, figure.high))
-            )
-            yield (
+    rows = []
+    for figure in comparison.figures.values():
+        unit = f" {figure.unit}" if figure.unit else ""
+        spread = [format_number(n) for n in (figure.low, figure.high) if n is not None]
+        rows.append(
+            (
                 figure.name,
-                format_number(figure.value),
-                figure.unit,
+                format_number(figure.value) + unit,
                 format_number(figure.exemplar),
-                spread,
+                " to ".join(spread),
                 figure.mark,
             )
-
-    header = ("figure", "new volume", "unit", "exemplar", "its range", "mark")
-    console.figures("The new volume beside its exemplar", rows(), header)
+        )
+    header = ("figure", "new volume", "exemplar", "its range", "mark")
+    console.figures("The new volume beside its exemplar", rows, header)
 
 
 def _read(path: Path, source: ReadConfig | None = None) -> Volume:

@@ -11,6 +11,9 @@ __all__ = ["error", "figures", "note", "progress", "result"]
 
 # Without a terminal a line is printed at each of these shares of the work.
 STEP = 0.1
+WIDE = 120
+# Columns of words.
+TEXTS = ("mark", "what it says")
 
 COLOURS = {"pass": "green", "near": "yellow", "off": "red", "info": "default"}
 MARKS = {"pass": "✓ pass", "near": "≈ near", "off": "✗ off", "info": ""}
@@ -92,13 +95,18 @@ def figures(title: str, rows: Iterable[Sequence[Any]], header: Sequence[str]) ->
     header : sequence of str
         Names of the columns.
     """
+    from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=title, title_justify="left", title_style="bold")
+    # A pipe is as wide as the table needs.
+    screen = Console()
+    console = screen if screen.is_terminal else Console(width=WIDE)
+    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
     for i, name in enumerate(header):
-        table.add_column(name, justify="left" if i == 0 or name == "mark" else "right")
+        left = i == 0 or name in TEXTS
+        table.add_column(name, justify="left" if left else "right", no_wrap=name not in TEXTS)
     for row in rows:
         table.add_row(*(Text(MARKS.get(c, c), style=COLOURS.get(c, "")) for c in row))
-    Console().print(table)
+    console.print(table)

@@ -236,8 +236,9 @@ def _relaxed(random: np.random.Generator, shape: _Shape, cell: float) -> npt.NDA
     count = max(4, round(np.prod(shape) / cell**3))
     centres = random.random((count, 3)) * shape
     samples = random.random((200 * count, 3)) * shape
+    edges = np.array(shape, np.float64)
     for _ in range(6):  # Few, so that the cells stay as unequal as those of a foam.
-        _, owner = cKDTree(centres, boxsize=list(shape)).query(samples, workers=-1)
+        _, owner = cKDTree(centres, boxsize=edges).query(samples, workers=-1)
         step = samples - centres[owner]
         step -= np.round(step / shape) * shape
         total = np.stack([np.bincount(owner, step[:, i], count) for i in range(3)], axis=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from types import SimpleNamespace
 
@@ -9,21 +10,24 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from poresynth.compare import Curve, Histogram
 from poresynth.report import figures
 
-R = np.arange(11)
-CURVE = np.exp(-R / 3)
+R = list(range(11))
+FALLING = np.exp(-np.arange(11) / 3)
+CURVE = Curve(R, *(list(FALLING + shift) for shift in (0, 0.1, -0.1, 0.2)))
+GRAY = Histogram(R, [0.1] * 10, [0.2] * 5 + [0.0] * 5)
 RECORDS = [
     SimpleNamespace(level=level, window=window, iteration=i, energy=energy / (i + 1))
     for level, window, energy in [(1, 8, 9e4), (1, 4, 2e4), (0, 4, 1e3)]
     for i in range(3)
 ]
+NAN = math.nan
 PLOTS = {
-    "two_point": figures.two_point(R, CURVE, CURVE + 0.1, CURVE, CURVE + 0.2, "voxels"),
-    "two_point without a band": figures.two_point(R, CURVE, CURVE, None, None, "voxels"),
-    "histogram": figures.histogram(R, CURVE[1:], CURVE[:-1], 4.5),
-    "histogram without a threshold": figures.histogram(R, CURVE[1:], CURVE[:-1], None),
-    "novelty": figures.novelty([12, 20, 32], [0.5, 0.7, 1.3]),
+    "two_point": figures.two_point(CURVE),
+    "histogram": figures.histogram(GRAY, 4.5),
+    "novelty": figures.novelty({12: (0.5, 0.4), 20: (0.7, 0.6), 32: (1.3, 1.2)}),
+    "novelty of small blocks only": figures.novelty({12: (0.5, 0.4), 20: (NAN, NAN)}),
     "energy": figures.energy(RECORDS),
     "one energy of 0": figures.energy([SimpleNamespace(level=0, window=4, iteration=0, energy=0)]),
 }

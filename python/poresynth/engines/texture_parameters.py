@@ -40,7 +40,7 @@ class TextureParameters(BaseModel):
     run_reach: int = Field(12, ge=1)
     exponent: float = Field(0.8, ge=0, le=2)
     adaptive: bool = False
-    gradient: float = Field(0.1, ge=0, le=10)
+    gradient: float = Field(0.0, ge=0, le=10)
 
     @field_validator("windows")
     @classmethod
@@ -70,7 +70,7 @@ class TextureParameters(BaseModel):
 
 PRESETS: dict[str, dict[str, Any]] = {
     "quality": {},
-    "fast": {"levels": 2, "windows": (8, 4), "iterations": 6, "gradient": 0.0},
+    "fast": {"levels": 2, "windows": (8, 4), "iterations": 6},
     "paper": {
         "field": "intensity",
         "levels": 2,
@@ -80,6 +80,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "index_weight": "literal",
         "run_penalty": 0.0,
         "adaptive": True,
+        "gradient": 0.1,
     },
 }
 """What each preset changes against the defaults."""

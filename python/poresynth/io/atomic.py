@@ -66,8 +66,11 @@ def check_writable(path: str | os.PathLike[str], *, folder: bool = False) -> Non
         raise FileError(f"{given}: is a file, not a folder")
     if not (path.is_dir() or path.is_file()):
         raise FileError(f"{given}: is not a regular file")
-    if not os.access(path, os.W_OK):
-        raise FileError(f"{given}: exists and is read-only")
+    try:
+        if path.is_file():
+            path.open("r+b").close()
+    except OSError as error:
+        raise FileError(f"{given}: exists and is read-only") from error
 
 
 @contextmanager

@@ -15,7 +15,7 @@ import numpy as np
 
 from poresynth.errors import ParameterError
 from poresynth.io.format import Content
-from poresynth.io.units import MILLIMETRES, convert
+from poresynth.io.units import NANOMETRES, convert
 from poresynth.volume import Volume
 
 __all__ = ["decode", "encode", "make", "read_sidecar", "restore", "sidecar_path"]
@@ -123,7 +123,7 @@ def _agree(
     known: slice,
 ) -> bool:
     """Whether a file's own scale is unknown or, along the known axes, the header's."""
-    if unit in MILLIMETRES and header_unit in MILLIMETRES:
+    if unit in NANOMETRES and header_unit in NANOMETRES:
         size, unit = convert(size, unit, header_unit), header_unit
     unknown = unit == "voxel"
     same = bool(np.allclose(size[known], header_size[known], rtol=_SAME, atol=0))

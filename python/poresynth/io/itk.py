@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from poresynth.errors import ParameterError
 from poresynth.io import header
 from poresynth.io.format import FLOATS, WIDE, Content, Format, FormatError
 from poresynth.io.quiet import quiet
-from poresynth.io.units import MILLIMETRES, convert
+from poresynth.io.units import NANOMETRES, convert
 
 __all__ = ["META", "NIFTI", "NRRD"]
 
@@ -56,7 +57,7 @@ def _write(path: Path, content: Content) -> None:
     sitk = _simple_itk()
     array = np.ascontiguousarray(content.array)
     image = sitk.GetImageFromArray(array, isVector=array.ndim == 4)
-    if content.unit in MILLIMETRES:
+    if content.unit in NANOMETRES:
         image.SetSpacing(convert(content.voxel_size, content.unit, "mm")[::-1])
     text = header.encode(content.header) if content.header else ""
     if text and len(text) < _LONGEST:
@@ -87,6 +88,9 @@ def _read_nifti(path: Path) -> Content:
 
 
 def _write_nifti(path: Path, content: Content) -> None:
+    shape = content.array.shape
+    if len(shape) == 4 and shape[:2] == (1, 1):  # ITK would write what it cannot read.
+        raise ParameterError("volume.shape", shape, "NIfTI holds no line of several channels")
     _write(path, content)
     _nifti_voxels(path)  # ITK does not notice here that the disk is full.
 

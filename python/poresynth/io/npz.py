@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ __all__ = ["NPZ"]
 
 
 def _read(path: Path, *, name: str | None = None) -> Content:
-    with np.load(path, allow_pickle=False) as file:
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
         arrays = {n: file[n] for n in (file.files if name is None else [name]) if n in file}
         images = [n for n, array in arrays.items() if array.ndim in (2, 3, 4)]
         if len(images) != 1:
@@ -41,8 +42,11 @@ def _write(path: Path, content: Content) -> None:
     }
     if content.header:
         fields["header"] = np.array(header.encode(content.header))
-    with path.open("wb") as file:
-        np.savez_compressed(file, **fields)
+    # As numpy.savez_compressed, which leaves its archive open when the disk is full.
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        for name, array in fields.items():
+            with file.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, array, allow_pickle=False)
 
 
 def _matches(path: Path) -> bool:

@@ -116,7 +116,9 @@ def _sidecar(path: Path) -> dict[str, Any]:
 
 def _json(text: str) -> dict[str, Any]:
     fields = json.loads(text)
-    return {str(name): fields[name] for name in fields}
+    if not isinstance(fields, dict):
+        raise TypeError("not an object")
+    return fields
 
 
 def _text(text: str) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from poresynth.errors import MissingExtraError, ParameterError
 from poresynth.io import header
 from poresynth.io.format import FLOATS, NARROW, Content, Format, FormatError
-from poresynth.io.units import MILLIMETRES, spell
+from poresynth.io.units import NANOMETRES, convert, spell
 
 if TYPE_CHECKING:
     import tifffile
@@ -29,6 +29,10 @@ _IMAGEJ = ("uint8", "uint16", "float32")
 
 # Beyond it the offsets of a classic TIFF overflow; the rest of 4 GiB is left to its metadata.
 _CLASSIC = 2**32 - 2**25
+
+# Programs that write a volume without naming its axes make its slices channels: more than these,
+# without any other stack, are slices.
+_CHANNELS = 4
 
 
 def _read(path: Path) -> Content:
@@ -45,7 +49,7 @@ def _read(path: Path) -> Content:
         _check_complete(file)
         try:
             array = _voxels(path, file, series)
-        except ValueError as error:
+        except (ValueError, KeyError) as error:
             if "imagecodecs" in str(error):
                 raise MissingExtraError(f"{path}: its compression", "io") from error
             raise
@@ -77,11 +81,14 @@ def _arrange(array: npt.NDArray[Any], axes: str, page: Any) -> npt.NDArray[Any]:
     array, axes = array.reshape([array.shape[i] for i in keep]), "".join(axes[i] for i in keep)
     channel = [i for i, a in enumerate(axes) if a in "CS"]
     stack = [i for i, a in enumerate(axes) if a not in "CSYX"]
+    if not stack and "C" in axes and array.shape[axes.index("C")] > _CHANNELS:
+        stack = [axes.index("C")]
+        channel.remove(stack[0])
     if len(channel) > 1 or len(stack) > 1:
         raise FormatError(f"has axes {axes} of shape {array.shape}; only z, y, x and one channel")
     array = array.transpose([*stack, axes.index("Y"), axes.index("X"), *channel])
-    if page.photometric == 0 and array.dtype == bool:  # White is zero.
-        array = ~array
+    if page.photometric == 0:  # White is zero; here the bright end is the high one.
+        array = ~array if array.dtype.kind in "bu" else array
     return array if stack else array[np.newaxis]
 
 
@@ -116,17 +123,23 @@ def _scale(file: tifffile.TiffFile) -> tuple[tuple[float, float, float], str]:
     else:
         return (1.0, 1.0, 1.0), "voxel"
     unit = spell(str(fields.get("unit", "voxel")))
-    y, x = _edge(file.pages[0], "YResolution"), _edge(file.pages[0], "XResolution")
+    y, x = (_edge(file.pages[0], tag, unit) for tag in ("YResolution", "XResolution"))
     if unit == "voxel" and spacing is None:
         return (1.0, 1.0, 1.0), unit
     return (abs(float(spacing)) if spacing else x, y, x), unit
 
 
-def _edge(page: Any, tag: str) -> float:
-    """Return the edge of a pixel from a resolution tag, a ratio of pixels to units."""
+def _edge(page: Any, tag: str, unit: str) -> float:
+    """Return the edge of a pixel from a resolution tag: a ratio of pixels to unit, cm or inch."""
     found = page.tags.get(tag)
-    pixels, units = found.value if found is not None else (1, 1)
-    return float(units / pixels) if pixels and units else 1.0
+    pixels, length = found.value if found is not None else (1, 1)
+    if not (pixels and length):
+        return 1.0
+    edge = float(length / pixels)
+    own = {2: "inch", 3: "cm"}.get(int(page.tags.valueof("ResolutionUnit", default=1)), unit)
+    if own != unit and unit in NANOMETRES:
+        edge = convert((edge, edge, edge), own, unit)[0]
+    return edge
 
 
 def _header(file: tifffile.TiffFile) -> dict[str, Any] | None:
@@ -152,10 +165,10 @@ def _strict() -> Iterator[None]:
     class Raise(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
             message = record.getMessage()
-            # Its warnings of tags that nobody needs are left alone; those of a series say that
-            # pages are missing or were filled with zeros.
-            lost = record.levelno >= logging.ERROR or "series" in message or "asarray" in message
-            if lost and record.thread == thread:
+            # Its warnings of odd tags are left alone; these say that pages are missing or were
+            # filled with zeros.
+            lost = re.search("series|asarray|offset|corrupt", message)
+            if (lost or record.levelno >= logging.ERROR) and record.thread == thread:
                 raise ValueError(re.sub(r"^<.*?> ", "", message))
 
     logger, handler = logging.getLogger("tifffile"), Raise(logging.WARNING)
@@ -211,7 +224,7 @@ def _ome_metadata(content: Content) -> dict[str, Any]:
     metadata: dict[str, Any] = {}
     if content.header:
         metadata["Description"] = header.encode(content.header)
-    if content.unit in MILLIMETRES:  # OME knows these, and no unit of any other name.
+    if content.unit in NANOMETRES:  # OME knows these, and no unit of any other name.
         unit = "in" if content.unit == "inch" else content.unit
         for axis, size in zip("ZYX", content.voxel_size, strict=True):
             metadata |= {f"PhysicalSize{axis}": size, f"PhysicalSize{axis}Unit": unit}

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
-__all__ = ["MILLIMETRES", "OME_NAMES", "convert", "spell"]
+__all__ = ["NANOMETRES", "OME_NAMES", "convert", "spell"]
 
-#: Millimetres in one unit, for the units that files can name.
-MILLIMETRES = {"nm": 1e-6, "µm": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
+#: Nanometres in one unit, for the units that files can name: whole numbers, so that 0.0195 mm is
+#: 19.5 µm without a rounding error.
+NANOMETRES = {
+    "nm": 1,
+    "µm": 1_000,
+    "mm": 1_000_000,
+    "cm": 10_000_000,
+    "m": 1_000_000_000,
+    "inch": 25_400_000,
+}
 
 #: The names that OME-NGFF gives to the units.
 OME_NAMES = {
@@ -41,8 +49,6 @@ def spell(unit: str) -> str:
 
 
 def convert(size: tuple[float, float, float], unit: str, to: str) -> tuple[float, float, float]:
-    """Return lengths in another unit; both must be in `MILLIMETRES`."""
-    # A division keeps 19.5 µm → 0.0195 mm → 19.5 µm exact where a reciprocal would not.
-    ratio = MILLIMETRES[to] / MILLIMETRES[unit]
-    z, y, x = (s / ratio for s in size)
+    """Return lengths in another unit; both must be in `NANOMETRES`."""
+    z, y, x = (s * NANOMETRES[unit] / NANOMETRES[to] for s in size)
     return z, y, x

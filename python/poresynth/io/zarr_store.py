@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +93,7 @@ def _ome(group: Any) -> Content:
 
 
 def _write(path: Path, content: Content, *, version: int = 2) -> None:
+    import numcodecs
     import zarr
 
     if version not in (2, 3):
@@ -102,9 +104,13 @@ def _write(path: Path, content: Content, *, version: int = 2) -> None:
     array = content.array if content.array.ndim == 3 else np.moveaxis(content.array, 3, 0)
     names = ["z", "y", "x"] if array.ndim == 3 else ["c", "z", "y", "x"]
     chunks = (1,) * (array.ndim - 3) + tuple(min(_CHUNK, n) for n in array.shape[-3:])
+    # Version 3's own default; that of version 2, Blosc, reads a truncated chunk as noise.
+    zstandard = numcodecs.Zstd(level=3)
     if modern:
-        nested = {"name": "v2", "separator": "/"}
-        style = {"chunk_key_encoding": nested} if version == 2 else {"dimension_names": names}
+        style: dict[str, Any] = {
+            2: {"chunk_key_encoding": {"name": "v2", "separator": "/"}, "compressors": zstandard},
+            3: {"dimension_names": names},
+        }[version]
         group: Any = zarr.open_group(str(path), mode="w", zarr_format=version)  # type: ignore[arg-type]
         voxels = group.create_array(
             "0", shape=array.shape, dtype=array.dtype, chunks=chunks, **style
@@ -112,11 +118,18 @@ def _write(path: Path, content: Content, *, version: int = 2) -> None:
     else:
         group = zarr.open_group(str(path), mode="w")
         voxels = group.create_dataset(
-            "0", shape=array.shape, dtype=array.dtype, chunks=chunks, dimension_separator="/"
+            "0",
+            shape=array.shape,
+            dtype=array.dtype,
+            chunks=chunks,
+            dimension_separator="/",
+            compressor=zstandard,
         )
-    for start in range(0, array.shape[-3], _CHUNK):
-        section = (..., slice(start, start + _CHUNK), slice(None), slice(None))
-        voxels[section] = array[section]
+    # One chunk at a time: of several at once that fail, zarr forgets all but the first.
+    starts = [range(0, n, chunk) for n, chunk in zip(array.shape, chunks, strict=True)]
+    for corner in itertools.product(*starts):
+        box = tuple(slice(c, c + chunk) for c, chunk in zip(corner, chunks, strict=True))
+        voxels[box] = array[box]
     group.attrs.update(_attributes(content, names, version))
 
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from poresynth.compare import Curve, Histogram
 
 __all__ = ["DARK", "LIGHT", "Theme", "draw", "energy", "histogram", "novelty", "two_point"]
 
@@ -80,94 +82,67 @@ def draw(plot: Callable[[Axes, Theme], None], theme: Theme, width: float = 4.6) 
     return stream.getvalue()
 
 
-def two_point(
-    r: npt.NDArray[Any],
-    volume: npt.NDArray[Any],
-    exemplar: npt.NDArray[Any],
-    low: npt.NDArray[Any] | None,
-    high: npt.NDArray[Any] | None,
-    unit: str,
-) -> Callable[[Axes, Theme], None]:
-    """Plot a two-point correlation over the exemplar's own band.
-
-    Parameters
-    ----------
-    r : array_like
-        Distances, in ``unit``.
-    volume, exemplar : array_like
-        The two curves at these distances.
-    low, high : array_like, optional
-        Range of the exemplar's sub-volumes.
-    unit : str
-        Unit of the distances.
-    """
+def two_point(curve: Curve) -> Callable[[Axes, Theme], None]:
+    """Plot a two-point correlation over the exemplar's own band."""
 
     def plot(axes: Axes, theme: Theme) -> None:
-        if low is not None and high is not None:
-            axes.fill_between(
-                r, low, high, color=theme.exemplar, alpha=0.25, lw=0, label="exemplar's parts"
-            )
-        _pair(axes, theme, r, volume, exemplar)
-        axes.set(xlabel=f"distance r ({unit})", ylabel="probability that both ends are solid")
-        axes.set_xlim(0, float(np.max(r)))
+        axes.fill_between(
+            curve.r,
+            curve.low,
+            curve.high,
+            color=theme.exemplar,
+            alpha=0.25,
+            lw=0,
+            label="exemplar's parts",
+        )
+        axes.plot(curve.r, curve.exemplar, color=theme.exemplar, lw=1.4, ls="--", label="exemplar")
+        axes.plot(curve.r, curve.volume, color=theme.volume, lw=1.8, label="new volume")
+        axes.set(xlabel="distance r (voxels)", ylabel="probability that both ends are solid")
+        axes.set_xlim(0, curve.r[-1])
         axes.legend()
 
     return plot
 
 
-def histogram(
-    edges: npt.NDArray[Any],
-    volume: npt.NDArray[Any],
-    exemplar: npt.NDArray[Any],
-    threshold: float | None,
-) -> Callable[[Axes, Theme], None]:
-    """Plot two histograms of gray values.
-
-    Parameters
-    ----------
-    edges : array_like
-        Edges of the bins.
-    volume, exemplar : array_like
-        Counts or shares of the bins; drawn as shares of all voxels.
-    threshold : float, optional
-        Where the solid is cut.
-    """
+def histogram(curve: Histogram, threshold: float) -> Callable[[Axes, Theme], None]:
+    """Plot two histograms of gray values, and where the solid is cut."""
 
     def plot(axes: Axes, theme: Theme) -> None:
-        shares = [100 * np.asarray(h, dtype=float) / np.sum(h) for h in (volume, exemplar)]
-        axes.stairs(shares[1], edges, fill=True, color=theme.exemplar, alpha=0.25)
-        axes.stairs(shares[1], edges, color=theme.exemplar, ls="--", lw=1.2, label="exemplar")
-        axes.stairs(shares[0], edges, color=theme.volume, lw=1.6, label="new volume")
-        if threshold is not None:
-            axes.axvline(threshold, color=theme.ink, lw=0.9, ls=":", label="threshold")
+        volume, exemplar = (100 * np.asarray(h) for h in (curve.volume, curve.exemplar))
+        axes.stairs(exemplar, curve.edges, fill=True, color=theme.exemplar, alpha=0.25)
+        axes.stairs(exemplar, curve.edges, color=theme.exemplar, ls="--", lw=1.2, label="exemplar")
+        axes.stairs(volume, curve.edges, color=theme.volume, lw=1.6, label="new volume")
+        axes.axvline(threshold, color=theme.ink, lw=0.9, ls=":", label="threshold")
         axes.set(xlabel="gray value", ylabel="share of the voxels (%)")
-        axes.set_xlim(edges[0], edges[-1])
+        axes.set_xlim(curve.edges[0], curve.edges[-1])
         axes.set_ylim(bottom=0)
         axes.legend()
 
     return plot
 
 
-def novelty(edges: Sequence[float], values: Sequence[float]) -> Callable[[Axes, Theme], None]:
+def novelty(blocks: Mapping[int, tuple[float, float]]) -> Callable[[Axes, Theme], None]:
     """Plot how new blocks of growing size are.
 
     Parameters
     ----------
-    edges : sequence of float
-        Edges of the blocks, in voxels.
-    values : sequence of float
-        0 for a copy, 1 for as different as two halves of the exemplar.
+    blocks : mapping of int to (float, float)
+        By edge in voxels: 0 for a copy, 1 for as different as two halves of the exemplar; without
+        and with mirrored copies.
     """
 
     def plot(axes: Axes, theme: Theme) -> None:
+        edges = sorted(blocks)
+        plain, mirrored = zip(*(blocks[edge] for edge in edges), strict=True)
         for level, name in ((0.0, "a verbatim copy"), (1.0, "as two halves of the exemplar")):
             axes.axhline(level, color=theme.exemplar, lw=1.2, ls="--")
-            axes.text(
-                float(edges[-1]), level + 0.02, name, color=theme.ink, fontsize=7.5, ha="right"
-            )
-        axes.plot(edges, values, color=theme.volume, lw=1.8, marker="o", ms=4.5)
-        axes.set(xlabel="edge of the block (voxels)", ylabel="novelty", xticks=list(edges))
-        axes.set_ylim(-0.05, max(1.15, 1.1 * max(values)))
+            axes.text(edges[-1], level + 0.02, name, color=theme.ink, fontsize=7.5, ha="right")
+        style = {"color": theme.volume, "marker": "o", "ms": 4.5}
+        axes.plot(edges, plain, lw=1.8, label="new volume", **style)
+        axes.plot(edges, mirrored, lw=1.2, ls=":", mfc="none", label="mirrored copies too", **style)
+        axes.set(xlabel="edge of the block (voxels)", ylabel="novelty", xticks=edges)
+        axes.set_ylim(-0.05, max(1.2, 1.1 * np.nanmax([*plain, *mirrored])))
+        axes.legend(loc="center right")
 
     return plot
 
@@ -211,17 +186,6 @@ def energy(records: Sequence[Any]) -> Callable[[Axes, Theme], None]:
         axes.set_xlim(0.5, len(values) + 0.5)
 
     return plot
-
-
-def _pair(
-    axes: Axes,
-    theme: Theme,
-    x: npt.NDArray[Any],
-    volume: npt.NDArray[Any],
-    exemplar: npt.NDArray[Any],
-) -> None:
-    axes.plot(x, exemplar, color=theme.exemplar, lw=1.4, ls="--", label="exemplar")
-    axes.plot(x, volume, color=theme.volume, lw=1.8, label="new volume")
 
 
 def _stages(records: Sequence[Any]) -> Iterator[tuple[int, int, int, int]]:

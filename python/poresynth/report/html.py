@@ -10,6 +10,8 @@ from html import escape
 from importlib.resources import files
 from typing import Any
 
+from poresynth.report.words import explain
+
 __all__ = ["Picture", "Section", "chart", "code", "figures_table", "format_number", "page", "pairs"]
 
 # Words and signs, so that a mark is understood without its colour.
@@ -23,9 +25,9 @@ HEADER = (
     ("says", "what it says"),
 )
 MEANING = {
-    "pass": "inside the range of the exemplar's own parts",
-    "near": "a little outside it",
-    "off": "clearly outside it",
+    "pass": "within the range of the exemplar's own parts, or within the tolerance that is given",
+    "near": "within twice that",
+    "off": "beyond",
 }
 
 
@@ -143,11 +145,11 @@ def _row(figure: Any) -> str:
     )
     cells = (format_number(figure.value) + unit, format_number(figure.exemplar), spread)
     numbers = "".join(f'<td class="number">{escape(cell)}</td>' for cell in cells)
-    # The unit says it already.
-    name = escape(figure.name.removesuffix("_percent").replace("_", " "))
+    label, question = explain(figure.name)
     return (
-        f'<tr><th>{name}</th>{numbers}<td class="mark {figure.mark}">{MARKS[figure.mark]}</td>'
-        f'<td class="says">{escape(figure.description)}</td></tr>'
+        f"<tr><th>{escape(label)}<code>{escape(figure.name)}</code></th>{numbers}"
+        f'<td class="mark {figure.mark}">{MARKS[figure.mark]}</td>'
+        f'<td class="says"><b>{escape(question)}</b> {escape(figure.description)}</td></tr>'
     )
 
 

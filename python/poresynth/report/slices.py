@@ -12,8 +12,8 @@ from poresynth.volume import Volume
 
 __all__ = ["DIRECTIONS", "central_part", "gray_window", "png", "scale_bar", "slice_picture"]
 
-# Name of a slice, the axis that it is across, the axes of the picture (downwards, to the right).
-DIRECTIONS = (("xy", 0, (1, 2)), ("xz", 1, (0, 2)), ("yz", 2, (0, 1)))
+# Name of a slice, the axis that it is across, the axis that points to the right in the picture.
+DIRECTIONS = (("xy", 0, 2), ("xz", 1, 2), ("yz", 2, 1))
 # A volume wider than this many exemplars is shown by its central part, or nothing would be seen.
 WIDEST = 2.5
 

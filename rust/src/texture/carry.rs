@@ -25,8 +25,8 @@ const FALLBACK: f32 = 30.0;
 
 /// Share of the mean over all windows in the result. Copies alone come out 8–11 % too sharp, for their
 /// cells have borders, the mean alone 8–10 % too smooth; in between bone and cement both have the
-/// gradient of their exemplar within 1 %.
-const SOFTNESS: f32 = 0.35;
+/// gradient of their exemplar within 2 %.
+const SOFTNESS: f32 = 0.4;
 
 /// For each voxel the values of `values` at a place of the exemplar that fits there.
 ///

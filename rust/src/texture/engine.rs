@@ -26,6 +26,10 @@ const COLD_PASSES: usize = 10;
 /// Search passes of the first iteration of every further stage.
 const WARM_PASSES: usize = 2;
 
+/// A stage ends after this many iterations in a row without a new lowest energy. The lattice moves at
+/// random, and the energy with it by some percent, so that the change of one iteration says little.
+const PATIENCE: usize = 3;
+
 /// Eq. 2: the weight factor grows by this share when the energy falls …
 const GROWTH: f32 = 0.05;
 
@@ -117,7 +121,7 @@ impl Run<'_> {
         let quantiles: Vec<Quantiles> =
             (0..exemplar.channels()).map(|c| Quantiles::new(exemplar.channel(c))).collect();
         let mut factor = 1.0f32;
-        let mut before = f64::INFINITY;
+        let (mut before, mut lowest, mut stale) = (f64::INFINITY, f64::INFINITY, 0);
         for iteration in 0..p.iterations {
             let key = key.with(2 + iteration as u64);
             let passes = match (iteration, backend.improves()) {
@@ -146,10 +150,11 @@ impl Run<'_> {
             });
             let share = (iteration + 1) as f64 / p.iterations as f64;
             self.monitor.report(&*name, (done + share) / total);
-            if (before - energy).abs() < f64::from(p.tolerance) * before {
+            stale = if energy < (1.0 - f64::from(p.tolerance)) * lowest { 0 } else { stale + 1 };
+            if stale == PATIENCE {
                 break;
             }
-            before = energy;
+            (before, lowest) = (energy, lowest.min(energy));
         }
         Ok(())
     }

@@ -1,0 +1,67 @@
+"""What the figures of a comparison mean, for people who do not live by them."""
+
+from __future__ import annotations
+
+import re
+
+__all__ = ["explain"]
+
+# Label and question that the figure answers, by the figure's name.
+WORDS = {
+    "porosity": ("Porosity", "How much of the volume is pore?"),
+    "porosity_error_percent": ("Porosity error", "How far is the porosity from the exemplar's?"),
+    "two_point_error_percent": (
+        "Two-point error D2",
+        "Do solid and pores have the right sizes and spacings?",
+    ),
+    "components": ("Separate parts", "Into how many parts does the solid fall?"),
+    "components_per_million": (
+        "Separate parts, equal sizes",
+        "Are more struts broken off than in the exemplar?",
+    ),
+    "floating_parts": ("Floating specks", "How many tiny parts hang in the void?"),
+    "floating_parts_per_million": (
+        "Floating specks, equal sizes",
+        "Are there more loose specks than in the exemplar?",
+    ),
+    "largest_component_fraction": ("Largest part", "How much of the solid holds together?"),
+    "component_wasserstein": ("Sizes of the parts", "Are the parts as large as the exemplar's?"),
+    "gradient_ratio": ("Sharpness", "Is the scan as crisp as the exemplar? Below 1 it is blurred."),
+    "seam": ("Seam", "Does a plane stand out as a visible cut?"),
+    "histogram_distance": ("Gray values", "Are the gray values those of the exemplar?"),
+    "histogram_distance_percent": (
+        "Gray values, relative",
+        "The same against the exemplar's own contrast.",
+    ),
+    "copy_fraction": ("Copied share", "How much continues the exemplar word for word?"),
+    "mean_copied_block": ("Mean copied block", "How large are the copied blocks?"),
+}
+PATTERNS = {
+    r"phase_fraction_(.+)": ("Share of phase {}", "How much of the volume is this phase?"),
+    r"novelty_(\d+)": ("Novelty, blocks of {}³", "Are blocks of this size new, or found again?"),
+    r"novelty_(\d+)_mirrors": (
+        "Novelty, {}³, mirrored",
+        "The same when a mirrored copy counts as a copy, too.",
+    ),
+}
+
+
+def explain(name: str) -> tuple[str, str]:
+    """Return what a figure is called and which question it answers.
+
+    Parameters
+    ----------
+    name : str
+        Name of the figure.
+
+    Returns
+    -------
+    (str, str)
+        Label and question; for a figure without words its name, readable, and nothing.
+    """
+    if name in WORDS:
+        return WORDS[name]
+    for pattern, (label, question) in PATTERNS.items():
+        if match := re.fullmatch(pattern, name):
+            return label.format(match[1]), question
+    return name.replace("_", " "), ""
