@@ -6,9 +6,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from poresynth.engines.volume_texture import VolumeTexture
     from poresynth.errors import PoresynthError
     from poresynth.io import read, write
     from poresynth.preprocess import binarize, crop, downsample, threshold
+    from poresynth.report import write_report
     from poresynth.volume import Volume
 
 # Public names are imported when first used: a command line that only prints its help, or a
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
 _HOME = {
     "PoresynthError": "poresynth.errors",
     "Volume": "poresynth.volume",
+    "VolumeTexture": "poresynth.engines.volume_texture",
     "__version__": "poresynth._core",
     "binarize": "poresynth.preprocess",
     "crop": "poresynth.preprocess",
@@ -23,11 +26,13 @@ _HOME = {
     "read": "poresynth.io",
     "threshold": "poresynth.preprocess",
     "write": "poresynth.io",
+    "write_report": "poresynth.report",
 }
 
 __all__ = [
     "PoresynthError",
     "Volume",
+    "VolumeTexture",
     "__version__",
     "binarize",
     "crop",
@@ -35,6 +40,7 @@ __all__ = [
     "read",
     "threshold",
     "write",
+    "write_report",
 ]
 
 

@@ -1,1 +1,7 @@
-"""."""
+"""Reports: numbers first, pictures second."""
+
+from __future__ import annotations
+
+from poresynth.report.writer import reserved, write_report
+
+__all__ = ["reserved", "write_report"]

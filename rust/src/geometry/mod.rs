@@ -1,1 +1,5 @@
 //! Distances.
+
+pub mod distance;
+
+pub use distance::{capped_distance, signed_distance};

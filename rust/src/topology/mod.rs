@@ -1,1 +1,3 @@
 //! What is connected to what.
+
+pub mod labelling;

@@ -1,0 +1,43 @@
+"""Where measured figures go: JSON files, and tables in README.md."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import platform
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+RESULTS = ROOT / "benches" / "results"
+
+
+def machine() -> str:
+    """The machine and the day, for the line under a table."""
+    name = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        models = [
+            x.split(":")[1].strip() for x in info.read_text().splitlines() if "model name" in x
+        ]
+        name = models[0] if models else name
+    day = datetime.datetime.now(tz=datetime.timezone.utc).date()
+    return f"{os.cpu_count()} cores of {name}, Python {platform.python_version()}, {day}"
+
+
+def save(name: str, figures: Any) -> None:
+    """Write figures to benches/results/<name>.json."""
+    RESULTS.mkdir(exist_ok=True)
+    record = {"machine": machine(), "figures": figures}
+    (RESULTS / f"{name}.json").write_text(json.dumps(record, indent=1) + "\n")
+
+
+def update_readme(marker: str, table: str) -> None:
+    """Put a table between the two comments of a marker in README.md."""
+    readme = ROOT / "README.md"
+    begin, end = f"<!-- {marker}:begin -->", f"<!-- {marker}:end -->"
+    text = readme.read_text(encoding="utf-8")
+    before, rest = text.split(begin)
+    after = rest.split(end)[1]
+    readme.write_text(f"{before}{begin}\n{table}\n{end}{after}", encoding="utf-8")

@@ -1,0 +1,604 @@
+"""The command line."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import App, CycloptsError, Group, Parameter
+from pydantic import ValidationError
+
+from poresynth import config, console
+from poresynth.config import InputConfig, ReadConfig, RunConfig
+from poresynth.errors import ParameterError, PoresynthError
+
+if TYPE_CHECKING:
+    from poresynth.compare import Comparison
+    from poresynth.engines.base import SynthesizedVolume
+    from poresynth.volume import Volume
+
+__all__ = ["main"]
+
+# What a shell reports of a program that was stopped by Ctrl-C.
+INTERRUPTED = 130
+ERROR = 2
+DEMO_EXEMPLAR = (64, 64, 64)
+DEMO_SHAPE = (96, 96, 96)
+
+
+def _version() -> str:
+    import poresynth
+
+    return str(poresynth.__version__)
+
+
+app = App(
+    name="poresynth",
+    help="New volumes of a porous material from one example of it, with the numbers that prove it.",
+    version=_version,
+    default_parameter=Parameter(negative=()),
+    help_format="markdown",
+    suppress_keyboard_interrupt=False,
+)
+
+Output = Annotated[Path, Parameter(name=["--output", "-o"])]
+Solid = Literal["bright", "dark"]
+Threads = Annotated[int, Parameter(name="--threads")]
+Reading = Annotated[ReadConfig | None, Parameter(name="*", group=Group("Reading VOLUME"))]
+Input = Annotated[InputConfig | None, Parameter(name="*", group=Group("Reading EXEMPLAR"))]
+
+
+@app.command
+def synthesize(
+    exemplar: Path | None = None,
+    /,
+    *,
+    output: Output,
+    shape: tuple[int, int, int] | None = None,
+    engine: str | None = None,
+    preset: str | None = None,
+    seed: int | None = None,
+    periodic: bool | None = None,
+    porosity: float | None = None,
+    threshold: float | None = None,
+    solid: Solid | None = None,
+    mask: Path | None = None,
+    known: Path | None = None,
+    known_mask: Path | None = None,
+    configuration: Annotated[Path | None, Parameter(name="--config")] = None,
+    settings: Annotated[
+        list[str] | None, Parameter(name="--set", consume_multiple=True, negative=())
+    ] = None,
+    threads: Threads = 0,
+    report: Path | None = None,
+    source: Input = None,
+) -> None:
+    """Make a new volume that looks like an exemplar.
+
+    Beside the volume lies a .json file with all that made it; given back as `--config`, it repeats
+    the run.
+
+        poresynth synthesize bone.tif -o new.tif --shape 200 200 200 --seed 1 --report out
+
+        poresynth synthesize bone.tif -o tile.tif --shape 128 128 128 --periodic --preset fast
+
+        poresynth synthesize -o again.tif --config new.tif.json
+
+    Parameters
+    ----------
+    exemplar
+        The example: a volume that `poresynth` can read.
+    output
+        The new volume; its suffix picks the format.
+    shape
+        Shape z y x of the new volume, in voxels.
+    engine
+        How it is made. [default: volume]
+    preset
+        Parameters of the engine that go together, by name.
+    seed
+        Another seed gives another volume. [default: 0]
+    periodic
+        The new volume tiles without a seam.
+    porosity
+        Wanted porosity, 0 to 1. [default: the exemplar's own]
+    threshold
+        Gray value that separates solid from pore. [default: Otsu's]
+    solid
+        Which side of the threshold is solid. [default: bright]
+    mask
+        A volume of the wanted shape: only where it is not 0 does the result matter.
+    known
+        A volume of the wanted shape whose voxels are kept exactly where `--known-mask` says.
+    known_mask
+        Where `--known` is known: not 0.
+    configuration
+        A .toml file, or the .json file beside an earlier result. The command line wins over it.
+    settings
+        KEY=VALUE …: a parameter of the engine, or with a dot any key of the configuration.
+    threads
+        Number of threads; 0 takes all cores. The result does not depend on it.
+    report
+        Folder for a page with figures and pictures, and its JSON.
+    source
+        How the exemplar is read.
+    """
+    given = {
+        "exemplar": _text(exemplar),
+        "shape": shape,
+        "engine": engine,
+        "seed": seed,
+        "boundary": "periodic" if periodic else None,
+        "porosity": porosity,
+        "mask": _text(mask),
+        "known": _text(known),
+        "known_mask": _text(known_mask),
+        "parameters": _given({"preset": preset, "threshold": threshold, "solid": solid}),
+        "input": {} if source is None else source.model_dump(exclude_unset=True),
+    }
+    saved = {} if configuration is None else config.load(configuration)
+    if exemplar is not None:
+        saved.pop("exemplar_sha256", None)
+    run = config.merge(saved, config.parse_settings(settings or ()), _given(given))
+    _run(config.validate(run), output, threads, report)
+
+
+@app.command
+def compare(
+    exemplar: Path,
+    volume: Path,
+    /,
+    *,
+    threshold: float | None = None,
+    solid: Solid = "bright",
+    seed: int = 0,
+    threads: Threads = 0,
+    json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+    report: Path | None = None,
+    source: Input = None,
+) -> None:
+    """Measure how alike a volume and an exemplar are, and how much is copied.
+
+        poresynth compare bone.tif new.tif --report out
+
+        poresynth compare bone.tif other_scan.tif --json figures.json
+
+    Parameters
+    ----------
+    exemplar
+        The example.
+    volume
+        A volume from any source, with voxels of the same size.
+    threshold
+        Gray value that separates solid from pore in both. [default: Otsu's of the exemplar]
+    solid
+        Which side of the threshold is solid.
+    seed
+        Chooses the parts of the exemplar that give its own range.
+    threads
+        Number of threads; 0 takes all cores. The figures do not depend on it.
+    json_file
+        File for the figures.
+    report
+        Folder for a page with figures and pictures, and its JSON.
+    source
+        How the exemplar is read.
+    """
+    from poresynth.report import write_report
+
+    with ExitStack() as stack:
+        _reserve_json(stack, json_file)
+        _reserve_report(stack, report)
+        original, new = _read_exemplar(exemplar, source or InputConfig()), _read(volume)
+        comparison = _compare(original, new, threshold, solid, seed, threads)
+        _print_comparison(comparison)
+        if json_file is not None:
+            _write_json(json_file, comparison.to_dict())
+        if report is not None:
+            origin = new.metadata.get("poresynth", {})
+            page = write_report(
+                report,
+                original,
+                new,
+                comparison,
+                configuration=origin.get("configuration"),
+                command=origin.get("command"),
+            )
+            console.result(f"report: {page}")
+
+
+@app.command
+def measure(
+    volume: Path,
+    /,
+    *,
+    threshold: float | None = None,
+    solid: Solid = "bright",
+    json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+    source: Reading = None,
+) -> None:
+    """Measure a volume.
+
+        poresynth measure bone.tif --json bone.json
+
+    Parameters
+    ----------
+    volume
+        The volume.
+    threshold
+        Gray value that separates solid from pore. [default: Otsu's]
+    solid
+        Which side of the threshold is solid.
+    json_file
+        File for the figures.
+    source
+        How the volume is read.
+    """
+    raise NotImplementedError
+
+
+@app.command
+def crop(
+    volume: Path, z: str, y: str, x: str, /, *, output: Output, source: Reading = None
+) -> None:
+    """Cut a part out of a volume.
+
+        poresynth crop scan.tif 100:300 100:300 : -o part.tif
+
+    Parameters
+    ----------
+    volume
+        The volume.
+    z
+        Part to keep along the first axis, as start:stop; ":" keeps all.
+    y
+        The same along the second axis.
+    x
+        The same along the third axis.
+    output
+        The part; its suffix picks the format.
+    source
+        How the volume is read.
+    """
+    with _reserved(output):
+        _write(output, _crop(_read(volume, source), (z, y, x)))
+
+
+@app.command
+def downsample(
+    volume: Path,
+    factor: int,
+    /,
+    *,
+    output: Output,
+    labels: Annotated[bool | None, Parameter(negative="--gray")] = None,
+    source: Reading = None,
+) -> None:
+    """Reduce a volume by an integer factor.
+
+        poresynth downsample scan.tif 2 -o half.tif
+
+    Parameters
+    ----------
+    volume
+        The volume.
+    factor
+        Edge of the blocks of voxels that become one voxel.
+    output
+        The smaller volume; its suffix picks the format.
+    labels
+        Take the commonest value of a block; with `--gray` its mean.
+        [default: labels if the volume has two values]
+    source
+        How the volume is read.
+    """
+    from poresynth import preprocess
+
+    with _reserved(output):
+        _write(output, preprocess.downsample(_read(volume, source), factor, labels=labels))
+
+
+@app.command
+def threshold(
+    volume: Path,
+    /,
+    *,
+    output: Output,
+    value: float | None = None,
+    solid: Solid = "bright",
+    source: Reading = None,
+) -> None:
+    """Separate solid from pore: the result is 255 where solid, 0 elsewhere.
+
+        poresynth threshold scan.tif -o solid.tif
+
+    Parameters
+    ----------
+    volume
+        The volume.
+    output
+        The binary volume; its suffix picks the format.
+    value
+        Gray value that separates solid from pore. [default: Otsu's]
+    solid
+        Which side of the threshold is solid.
+    source
+        How the volume is read.
+    """
+    from poresynth import preprocess
+
+    with _reserved(output):
+        gray = _read(volume, source)
+        cut = preprocess.threshold(gray, value)
+        binary = preprocess.binarize(gray, cut, solid)
+        _write(output, gray.with_array(binary))
+        console.result(f"threshold: {cut:g}")
+        console.result(f"porosity: {1 - binary.mean():.4f}")
+
+
+@app.command
+def demo(*, output: Output = Path("demo"), threads: Threads = 0) -> None:
+    """Make an example, a new volume of it, and the report that compares the two.
+
+    It takes about a minute on two cores and downloads nothing.
+
+        poresynth demo
+
+    Parameters
+    ----------
+    output
+        Folder for the example, the new volume and the report.
+    threads
+        Number of threads; 0 takes all cores.
+    """
+    from poresynth import exemplars, io
+
+    exemplar = output / "exemplar.tif"
+    with ExitStack() as stack:
+        _reserve_report(stack, output)
+        io.write(exemplar, exemplars.spinodal(DEMO_EXEMPLAR, porosity=0.7, seed=1))
+    run = RunConfig(exemplar=str(exemplar), shape=DEMO_SHAPE, seed=1)
+    _run(run, output / "new.tif", threads, output)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        What follows the program's name; what the shell gave by default.
+
+    Returns
+    -------
+    int
+        0, 2 after an error, 130 after Ctrl-C.
+    """
+    try:
+        app(
+            list(sys.argv[1:] if arguments is None else arguments),
+            exit_on_error=False,
+            print_error=False,
+            result_action="return_none",
+        )
+    except KeyboardInterrupt:
+        console.note("interrupted")
+        return INTERRUPTED
+    except CycloptsError as error:
+        if isinstance(error.__cause__, ValidationError):
+            console.error(str(config.explain(error.__cause__)))
+        else:
+            console.error(str(error))
+        return ERROR
+    except PoresynthError as error:
+        console.error(str(error))
+        return ERROR
+    except MemoryError as error:
+        console.error(f"out of memory: {error}" if str(error) else "out of memory")
+        return ERROR
+    except BrokenPipeError:  # The reader of our output has gone: nothing is left to say.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return ERROR
+    return 0
+
+
+def _given(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Leave out what the command line did not say."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _text(path: Path | None) -> str | None:
+    return None if path is None else str(path)
+
+
+def _run(run: RunConfig, output: Path, threads: int, report: Path | None) -> None:
+    """Synthesise, write, and report if wanted."""
+    import numpy as np
+
+    from poresynth import io
+    from poresynth.engines import get_engine
+    from poresynth.resources import available_memory, check_memory, format_bytes
+
+    with ExitStack() as stack:
+        stack.enter_context(_reserved(output))
+        _reserve_report(stack, report)
+        exemplar = _read_exemplar(Path(run.exemplar), run.input)
+        digest = hashlib.sha256(np.ascontiguousarray(exemplar.array).data).hexdigest()
+        if run.exemplar_sha256 not in (None, digest):
+            raise ParameterError(
+                "exemplar",
+                run.exemplar,
+                "is not the one of the saved run any more (its sha256 differs); name it on the "
+                "command line to use it all the same",
+            )
+        known, known_mask, mask = (
+            None if path is None else _read(Path(path)).array
+            for path in (run.known, run.known_mask, run.mask)
+        )
+        engine = get_engine(run.engine)(**run.parameters).fit(exemplar)
+        needed, free = engine.estimate_memory(run.shape), available_memory()
+        check_memory(needed, f"shape {' '.join(map(str, run.shape))}")
+        console.note(
+            f"needs about {format_bytes(needed)} of memory"
+            + ("" if free is None else f"; {format_bytes(free)} is available")
+        )
+        with console.progress("synthesis") as progress:
+            volume = engine.sample(
+                run.shape,
+                seed=run.seed,
+                boundary=run.boundary,
+                porosity=run.porosity,
+                known=known,
+                known_mask=None if known_mask is None else known_mask != 0,
+                mask=None if mask is None else mask != 0,
+                threads=threads,
+                progress=progress,
+            )
+        origin = volume.metadata["poresynth"]
+        origin["configuration"] = run.saved(digest)
+        origin["command"] = run.command(output)
+        io.write(output, volume)
+        console.result(f"new volume: {output}")
+        if report is not None:
+            _report(report, exemplar, volume, threads)
+
+
+def _report(report: Path, exemplar: Volume, volume: SynthesizedVolume, threads: int) -> None:
+    from poresynth.report import write_report
+
+    origin = volume.metadata["poresynth"]
+    cut = origin["exemplar"]
+    comparison = _compare(exemplar, volume, cut["threshold"], cut["solid"], 0, threads)
+    _print_comparison(comparison)
+    page = write_report(
+        report,
+        exemplar,
+        volume,
+        comparison,
+        energy=volume.energy,
+        configuration=origin["configuration"],
+        command=origin["command"],
+    )
+    console.result(f"report: {page}")
+
+
+def _compare(
+    exemplar: Volume,
+    volume: Volume,
+    threshold: float | None,
+    solid: Solid,
+    seed: int,
+    threads: int,
+) -> Comparison:
+    from poresynth.compare import compare
+
+    with console.progress("comparison") as progress:
+        return compare(
+            exemplar,
+            volume,
+            threshold=threshold,
+            solid=solid,
+            seed=seed,
+            threads=threads,
+            progress=progress,
+        )
+
+
+def _print_comparison(comparison: Comparison) -> None:
+    from poresynth.report.html import format_number
+
+    def rows() -> Iterator[tuple[str, ...]]:
+        for figure in comparison.figures.values():
+            spread = (
+                ""
+                if figure.low is None
+                else "–".join(format_number(limit) for limit in (figure.low, figure.high))
+            )
+            yield (
+                figure.name,
+                format_number(figure.value),
+                figure.unit,
+                format_number(figure.exemplar),
+                spread,
+                figure.mark,
+            )
+
+    header = ("figure", "new volume", "unit", "exemplar", "its range", "mark")
+    console.figures("The new volume beside its exemplar", rows(), header)
+
+
+def _read(path: Path, source: ReadConfig | None = None) -> Volume:
+    from poresynth import io
+
+    return io.read(path, **({} if source is None else source.options()))
+
+
+def _read_exemplar(path: Path, source: InputConfig) -> Volume:
+    from poresynth import preprocess
+
+    volume = _read(path, source)
+    if source.crop is not None:
+        volume = _crop(volume, source.crop)
+    return preprocess.downsample(volume, source.downsample) if source.downsample > 1 else volume
+
+
+def _crop(volume: Volume, ranges: tuple[str, str, str]) -> Volume:
+    from poresynth import preprocess
+
+    limits = []
+    for axis, text, edge in zip("zyx", ranges, volume.shape, strict=True):
+        first, colon, last = text.partition(":")
+        try:
+            start, stop = int(first or 0), int(last or edge)
+        except ValueError:
+            colon = ""
+        if not colon or not 0 <= start < stop <= edge:
+            raise ParameterError(f"crop {axis}", text, f"must be start:stop within 0:{edge}")
+        limits.append((start, stop))
+    return preprocess.crop(volume, [a for a, _ in limits], [b - a for a, b in limits])
+
+
+@contextmanager
+def _reserved(output: Path) -> Iterator[None]:
+    """Hold an output from the beginning: what would fail at the end fails here."""
+    from poresynth import io
+    from poresynth.io import atomic
+
+    io.check_output(output)
+    with atomic.claim(output):
+        yield
+
+
+def _reserve_report(stack: ExitStack, directory: Path | None) -> None:
+    from poresynth.report import reserved
+
+    if directory is not None:
+        stack.enter_context(reserved(directory))
+
+
+def _reserve_json(stack: ExitStack, path: Path | None) -> None:
+    from poresynth.io import atomic
+
+    if path is not None:
+        atomic.check_writable(path)
+        stack.enter_context(atomic.claim(path))
+
+
+def _write(output: Path, volume: Volume) -> None:
+    from poresynth import io
+
+    io.write(output, volume)
+    console.result(f"{output}: {' × '.join(map(str, volume.shape))} voxels")
+
+
+def _write_json(path: Path, document: Mapping[str, Any]) -> None:
+    from poresynth.io import atomic
+
+    with atomic.output(path) as (temporary,):
+        temporary.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")

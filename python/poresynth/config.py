@@ -1,0 +1,321 @@
+"""The configuration of a run: from a file and the command line, and back from a result."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import json
+import shlex
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from poresynth.errors import FileError, ParameterError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+__all__ = [
+    "InputConfig",
+    "ReadConfig",
+    "RunConfig",
+    "explain",
+    "load",
+    "merge",
+    "parse_settings",
+    "validate",
+]
+
+PositiveInt = Annotated[int, Field(gt=0)]
+PositiveFloat = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ReadConfig(_Model):
+    """How a file is read.
+
+    Parameters
+    ----------
+    voxel_size : (float, float, float), optional
+        Edge lengths of a voxel along z y x; what the file says unless given.
+    unit : str, optional
+        Unit of the voxel size, such as µm; what the file says unless given.
+    array_name : str, optional
+        Which array of an NPZ file or a Zarr store, when it holds several.
+    raw_shape : (int, int, int), optional
+        Shape z y x of a headerless file without a sidecar.
+    raw_dtype : str, optional
+        Data type of a headerless file, such as uint16.
+    raw_byte_order : {"little", "big"}, optional
+        Byte order of a headerless file.
+    raw_offset : int, optional
+        Bytes before the first voxel of a headerless file.
+    """
+
+    voxel_size: tuple[PositiveFloat, PositiveFloat, PositiveFloat] | None = None
+    unit: str | None = None
+    array_name: str | None = None
+    raw_shape: tuple[PositiveInt, PositiveInt, PositiveInt] | None = None
+    raw_dtype: str | None = None
+    raw_byte_order: Literal["little", "big"] | None = None
+    raw_offset: Annotated[int, Field(ge=0)] | None = None
+
+    def options(self) -> dict[str, Any]:
+        """Return what was given, as the options of `poresynth.io.read`."""
+        names = ReadConfig.model_fields
+        given = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+        return {name.removeprefix("raw_").removeprefix("array_"): v for name, v in given.items()}
+
+
+class InputConfig(ReadConfig):
+    """How an exemplar is read and prepared.
+
+    Parameters
+    ----------
+    crop : (str, str, str), optional
+        Part to keep, as start:stop along z y x in voxels of the file; ":" keeps all of an axis.
+    downsample : int, default 1
+        Factor by which the cropped volume is reduced: mean of gray, majority of labels.
+    """
+
+    crop: tuple[str, str, str] | None = None
+    downsample: PositiveInt = 1
+
+
+class RunConfig(_Model):
+    """All that decides the result of one synthesis.
+
+    The number of threads is not here: it does not change the result.
+
+    Parameters
+    ----------
+    exemplar : str
+        Path of the exemplar.
+    shape : (int, int, int)
+        Shape (z, y, x) of the new volume, in voxels.
+    engine : str, default "volume"
+        Name of the engine.
+    seed : int, default 0
+        Seed of the run.
+    boundary : {"open", "periodic"}, default "open"
+        A periodic volume tiles without a seam.
+    porosity : float, optional
+        Wanted porosity, 0 to 1; the exemplar's own unless given.
+    mask, known, known_mask : str, optional
+        Paths of the domain that matters, of the known voxels and of where they are known.
+    parameters : dict
+        Parameters of the engine; its own defaults for what is not named.
+    input : InputConfig
+        How the exemplar is read.
+    exemplar_sha256 : str, optional
+        Hash of the exemplar's voxels, as read; a run with another exemplar is refused.
+    version : str, optional
+        Version of poresynth that saved the configuration.
+    """
+
+    exemplar: str
+    shape: tuple[PositiveInt, PositiveInt, PositiveInt]
+    engine: str = "volume"
+    seed: Annotated[int, Field(ge=0)] = 0
+    boundary: Literal["open", "periodic"] = "open"
+    porosity: Annotated[float, Field(gt=0, lt=1)] | None = None
+    mask: str | None = None
+    known: str | None = None
+    known_mask: str | None = None
+    parameters: dict[str, Any] = Field(default_factory=dict)
+    input: InputConfig = Field(default_factory=InputConfig)
+    exemplar_sha256: str | None = None
+    version: str | None = None
+
+    def saved(self, exemplar_sha256: str) -> dict[str, Any]:
+        """Return the configuration as JSON-compatible data that repeats the run exactly."""
+        from poresynth import __version__
+
+        return {
+            **self.model_dump(mode="json", exclude_none=True, exclude_defaults=True),
+            "engine": self.engine,
+            "seed": self.seed,
+            "exemplar_sha256": exemplar_sha256,
+            "version": __version__,
+        }
+
+    def command(self, output: str | Path) -> str:
+        """Return the command line that repeats the run, whatever files the run was made of."""
+        words = ["poresynth", "synthesize", self.exemplar, "-o", str(output)]
+        words += ["--engine", self.engine, "--shape", *map(str, self.shape)]
+        words += ["--seed", str(self.seed)]
+        if self.boundary == "periodic":
+            words.append("--periodic")
+        paths = {"mask": self.mask, "known": self.known, "known-mask": self.known_mask}
+        flags = {"porosity": self.porosity, **paths, **self.input.model_dump(exclude_defaults=True)}
+        for name, value in flags.items():
+            if value is not None:
+                values = value if isinstance(value, tuple) else (value,)
+                words += [f"--{name.replace('_', '-')}", *map(str, values)]
+        if self.parameters:
+            # What JSON writes is TOML, too.
+            words += ["--set", *(f"{k}={json.dumps(v)}" for k, v in self.parameters.items())]
+        return shlex.join(words)
+
+
+def load(path: str | Path) -> dict[str, Any]:
+    """Read a configuration as a nested dict, unchecked.
+
+    Parameters
+    ----------
+    path : path-like
+        A TOML file, or the JSON file that lies beside a result: the run that made the result.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read or is not a configuration.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+        document: Any = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    except OSError as error:
+        raise FileError.because(path, error) from error
+    except ValueError as error:
+        raise FileError(f"{path}: not a configuration: {error}") from error
+    if path.suffix == ".json":
+        for key in ("poresynth", "configuration"):
+            document = document.get(key) if isinstance(document, dict) else None
+    if not isinstance(document, dict):
+        raise FileError(
+            f"{path}: holds no configuration; it must be a .toml file or the .json file that "
+            "poresynth synthesize wrote beside a result"
+        )
+    return document
+
+
+def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
+    """Turn ``key=value`` overrides into a nested dict.
+
+    Parameters
+    ----------
+    settings : iterable of str
+        A plain key is a parameter of the engine (``levels=2``), a dotted one a path in the
+        configuration (``input.downsample=2``). Values are written as in TOML; what is not TOML
+        is taken as text, so that ``field=intensity`` needs no quotes.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    ParameterError
+        If an entry is not of the form ``key=value``.
+    """
+    document: dict[str, Any] = {}
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        names = key.strip().split(".")
+        if not equals or not all(names):
+            raise ParameterError("--set", setting, "must be key=value, such as levels=2")
+        try:
+            value = tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            value = text.strip()
+        *tables, name = names if len(names) > 1 else ("parameters", *names)
+        document = merge(document, _nested(tables, {name: value}))
+    return document
+
+
+def merge(base: Mapping[str, Any], *overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Merge nested dicts; the later one wins, table by table.
+
+    Parameters
+    ----------
+    base : mapping
+        What holds where nothing else is said.
+    *overrides : mapping
+        What replaces it. Left unchanged, as ``base`` is.
+
+    Returns
+    -------
+    dict
+    """
+    merged = dict(base)
+    for override in overrides:
+        for key, value in override.items():
+            below = merged.get(key)
+            if isinstance(below, Mapping) and isinstance(value, Mapping):
+                value = merge(below, value)
+            merged[key] = value
+    return merged
+
+
+def validate(document: Mapping[str, Any]) -> RunConfig:
+    """Check a nested dict and freeze it.
+
+    Parameters
+    ----------
+    document : mapping
+        Keys of `RunConfig`.
+
+    Returns
+    -------
+    RunConfig
+
+    Raises
+    ------
+    ParameterError
+        If a key is missing, unknown (near ones are named), or its value is not allowed; if
+        ``parameters`` names something that the engine does not have.
+    """
+    from poresynth.engines import get_engine
+
+    try:
+        config = RunConfig.model_validate(document)
+    except ValidationError as error:
+        raise explain(error) from None
+    signature = inspect.signature(get_engine(config.engine)).parameters
+    for name, value in config.parameters.items():
+        if name not in signature:
+            raise _unknown(name, value, signature, f"no parameter of the engine {config.engine}")
+    return config
+
+
+def _nested(tables: Iterable[str], leaf: dict[str, Any]) -> dict[str, Any]:
+    for table in reversed(list(tables)):
+        leaf = {table: leaf}
+    return leaf
+
+
+def explain(error: ValidationError) -> ParameterError:
+    """Return what is wrong first, as an error of one line."""
+    first = error.errors()[0]
+    # Positions inside a tuple say nothing that its value does not.
+    path = [str(part) for part in first["loc"] if isinstance(part, str)]
+    key = ".".join(path)
+    if first["type"] == "extra_forbidden":
+        model = InputConfig if path[:-1] == ["input"] else RunConfig
+        prefix = "".join(f"{part}." for part in path[:-1])
+        known = [f"{prefix}{name}" for name in model.model_fields]
+        return _unknown(key, first["input"], known, "no key of the configuration")
+    if first["type"] == "missing":
+        return ParameterError(key, "(not given)", "is needed")
+    message = first["msg"]
+    return ParameterError(key, first["input"], message[0].lower() + message[1:])
+
+
+def _unknown(key: str, value: Any, known: Iterable[str], what: str) -> ParameterError:
+    names = sorted(known)
+    near = difflib.get_close_matches(key, names, n=3)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"known are {', '.join(names)}"
+    return ParameterError(key, value, f"is {what}; {hint}")

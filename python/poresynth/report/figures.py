@@ -1,0 +1,233 @@
+"""Charts of a report, each drawn for a light and a dark page."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+__all__ = ["DARK", "LIGHT", "Theme", "draw", "energy", "histogram", "novelty", "two_point"]
+
+RESOLUTION = 200  # dots an inch: sharp on screens of twice the usual density, and in print
+# An energy that falls by more than this factor needs a logarithmic axis.
+LOGARITHMIC = 20.0
+
+
+@dataclass(frozen=True)
+class Theme:
+    """Colours of a chart. Exemplar and volume differ in lightness and in dashes, too.
+
+    Parameters
+    ----------
+    ink, faint : str
+        Text, and lines that stay in the background.
+    exemplar, volume : str
+        The two curves.
+    """
+
+    ink: str
+    faint: str
+    exemplar: str
+    volume: str
+
+
+LIGHT = Theme(ink="#24292f", faint="#d5d9de", exemplar="#6b7480", volume="#0b62b8")
+DARK = Theme(ink="#d6dae0", faint="#3b424b", exemplar="#98a2ae", volume="#6cb6ff")
+
+
+def draw(plot: Callable[[Axes, Theme], None], theme: Theme, width: float = 4.6) -> bytes:
+    """Draw a chart.
+
+    Parameters
+    ----------
+    plot : callable
+        Draws on the axes that it is given, in the colours that it is given.
+    theme : Theme
+        The colours.
+    width : float, default 4.6
+        Width in inches; two of the default stand side by side on a page.
+
+    Returns
+    -------
+    bytes
+        A PNG with a transparent background.
+    """
+    figure = Figure(figsize=(width, 2.9), layout="constrained")
+    axes = figure.add_subplot()
+    axes.set_facecolor("none")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(theme.exemplar)
+    axes.tick_params(colors=theme.ink, labelsize=8)
+    axes.grid(color=theme.faint, linewidth=0.6)
+    axes.set_axisbelow(True)
+    plot(axes, theme)
+    for text in (axes.xaxis.label, axes.yaxis.label):
+        text.set(color=theme.ink, fontsize=8.5)
+    legend = axes.get_legend()
+    if legend is not None:
+        legend.set_frame_on(False)
+        for text in legend.get_texts():
+            text.set(color=theme.ink, fontsize=8)
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=RESOLUTION, transparent=True)
+    return stream.getvalue()
+
+
+def two_point(
+    r: npt.NDArray[Any],
+    volume: npt.NDArray[Any],
+    exemplar: npt.NDArray[Any],
+    low: npt.NDArray[Any] | None,
+    high: npt.NDArray[Any] | None,
+    unit: str,
+) -> Callable[[Axes, Theme], None]:
+    """Plot a two-point correlation over the exemplar's own band.
+
+    Parameters
+    ----------
+    r : array_like
+        Distances, in ``unit``.
+    volume, exemplar : array_like
+        The two curves at these distances.
+    low, high : array_like, optional
+        Range of the exemplar's sub-volumes.
+    unit : str
+        Unit of the distances.
+    """
+
+    def plot(axes: Axes, theme: Theme) -> None:
+        if low is not None and high is not None:
+            axes.fill_between(
+                r, low, high, color=theme.exemplar, alpha=0.25, lw=0, label="exemplar's parts"
+            )
+        _pair(axes, theme, r, volume, exemplar)
+        axes.set(xlabel=f"distance r ({unit})", ylabel="probability that both ends are solid")
+        axes.set_xlim(0, float(np.max(r)))
+        axes.legend()
+
+    return plot
+
+
+def histogram(
+    edges: npt.NDArray[Any],
+    volume: npt.NDArray[Any],
+    exemplar: npt.NDArray[Any],
+    threshold: float | None,
+) -> Callable[[Axes, Theme], None]:
+    """Plot two histograms of gray values.
+
+    Parameters
+    ----------
+    edges : array_like
+        Edges of the bins.
+    volume, exemplar : array_like
+        Counts or shares of the bins; drawn as shares of all voxels.
+    threshold : float, optional
+        Where the solid is cut.
+    """
+
+    def plot(axes: Axes, theme: Theme) -> None:
+        shares = [100 * np.asarray(h, dtype=float) / np.sum(h) for h in (volume, exemplar)]
+        axes.stairs(shares[1], edges, fill=True, color=theme.exemplar, alpha=0.25)
+        axes.stairs(shares[1], edges, color=theme.exemplar, ls="--", lw=1.2, label="exemplar")
+        axes.stairs(shares[0], edges, color=theme.volume, lw=1.6, label="new volume")
+        if threshold is not None:
+            axes.axvline(threshold, color=theme.ink, lw=0.9, ls=":", label="threshold")
+        axes.set(xlabel="gray value", ylabel="share of the voxels (%)")
+        axes.set_xlim(edges[0], edges[-1])
+        axes.set_ylim(bottom=0)
+        axes.legend()
+
+    return plot
+
+
+def novelty(edges: Sequence[float], values: Sequence[float]) -> Callable[[Axes, Theme], None]:
+    """Plot how new blocks of growing size are.
+
+    Parameters
+    ----------
+    edges : sequence of float
+        Edges of the blocks, in voxels.
+    values : sequence of float
+        0 for a copy, 1 for as different as two halves of the exemplar.
+    """
+
+    def plot(axes: Axes, theme: Theme) -> None:
+        for level, name in ((0.0, "a verbatim copy"), (1.0, "as two halves of the exemplar")):
+            axes.axhline(level, color=theme.exemplar, lw=1.2, ls="--")
+            axes.text(
+                float(edges[-1]), level + 0.02, name, color=theme.ink, fontsize=7.5, ha="right"
+            )
+        axes.plot(edges, values, color=theme.volume, lw=1.8, marker="o", ms=4.5)
+        axes.set(xlabel="edge of the block (voxels)", ylabel="novelty", xticks=list(edges))
+        axes.set_ylim(-0.05, max(1.15, 1.1 * max(values)))
+
+    return plot
+
+
+def energy(records: Sequence[Any]) -> Callable[[Axes, Theme], None]:
+    """Plot the energy of each iteration, by level and neighbourhood.
+
+    Parameters
+    ----------
+    records : sequence
+        Records with the fields ``level``, ``window``, ``iteration``, ``energy``, in their order.
+    """
+
+    def plot(axes: Axes, theme: Theme) -> None:
+        values = [float(r.energy) for r in records]
+        positive = min(values) > 0
+        if positive and max(values) > LOGARITHMIC * min(values):
+            axes.set_yscale("log")
+        for start, stop, level, window in _stages(records):
+            axes.plot(
+                range(start + 1, stop + 1),
+                values[start:stop],
+                color=theme.volume,
+                lw=1.6,
+                marker="o",
+                ms=2.8,
+            )
+            if start:
+                axes.axvline(start + 0.5, color=theme.exemplar, lw=0.8, ls=":")
+            axes.text(
+                (start + stop + 1) / 2,
+                1.01,
+                f"level {level}\n{window}³",
+                transform=axes.get_xaxis_transform(),
+                ha="center",
+                va="bottom",
+                fontsize=6.5,
+                color=theme.ink,
+            )
+        axes.set(xlabel="iteration", ylabel="energy")
+        axes.set_xlim(0.5, len(values) + 0.5)
+
+    return plot
+
+
+def _pair(
+    axes: Axes,
+    theme: Theme,
+    x: npt.NDArray[Any],
+    volume: npt.NDArray[Any],
+    exemplar: npt.NDArray[Any],
+) -> None:
+    axes.plot(x, exemplar, color=theme.exemplar, lw=1.4, ls="--", label="exemplar")
+    axes.plot(x, volume, color=theme.volume, lw=1.8, label="new volume")
+
+
+def _stages(records: Sequence[Any]) -> Iterator[tuple[int, int, int, int]]:
+    """Yield the runs of one level and one neighbourhood: start, stop, level, window."""
+    start = 0
+    for (level, window), run in groupby(records, key=lambda r: (r.level, r.window)):
+        stop = start + len(list(run))
+        yield start, stop, level, window
+        start = stop

@@ -1,0 +1,242 @@
+//! `rust/src/texture` for Python.
+
+use ndarray::ArrayView4;
+use numpy::{IntoPyArray, PyArray1, PyArray4, PyArrayMethods, PyReadonlyArray3, PyReadonlyArray4};
+use pyo3::prelude::*;
+
+use super::cancellable;
+use crate::error::{Error, Result};
+use crate::rng::Key;
+use crate::texture::blend::Source;
+use crate::texture::parameters::{Backend, IndexWeight};
+use crate::texture::symmetry::{Orientation, Symmetry, View};
+use crate::texture::{
+    Constraints, Field, Parameters, Stage, carry, copying, pyramid, synthesize as optimise,
+};
+use crate::volume::Shape;
+
+/// Parameters of the optimisation, as the dictionary that Python passes.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(super) struct Options {
+    levels: usize,
+    stages: Vec<(usize, usize)>,
+    iterations: usize,
+    tolerance: f32,
+    block: usize,
+    components: usize,
+    variance: f32,
+    symmetry: String,
+    keep_axis: Option<usize>,
+    search: String,
+    candidates: usize,
+    index_weight: String,
+    run_penalty: f32,
+    run_reach: usize,
+    exponent: f32,
+    adaptive: bool,
+    gradient: f32,
+    boundary: String,
+    slab: usize,
+}
+
+impl Options {
+    fn orientations(&self) -> Result<Vec<Orientation>> {
+        Ok(self.symmetry.parse::<Symmetry>()?.orientations(self.keep_axis))
+    }
+
+    fn parameters(self) -> Result<Parameters> {
+        Ok(Parameters {
+            orientations: self.orientations()?,
+            backend: match self.search.as_str() {
+                "brute_force" => Backend::BruteForce,
+                "kd_tree" => Backend::KdTree(self.candidates),
+                "coherent" => Backend::Coherent,
+                other => {
+                    let allowed = "must be 'coherent', 'kd_tree' or 'brute_force'";
+                    return Err(Error::parameter("search", other, allowed));
+                }
+            },
+            index_weight: match self.index_weight.as_str() {
+                "off" => IndexWeight::Off,
+                "literal" => IndexWeight::Literal,
+                "normalised" => IndexWeight::Normalised,
+                other => {
+                    let allowed = "must be 'off', 'literal' or 'normalised'";
+                    return Err(Error::parameter("index_weight", other, allowed));
+                }
+            },
+            boundary: self.boundary.parse()?,
+            levels: self.levels,
+            stages: self.stages.iter().map(|&(window, step)| Stage { window, step }).collect(),
+            iterations: self.iterations,
+            tolerance: self.tolerance,
+            block: self.block,
+            components: self.components,
+            variance: self.variance,
+            run_penalty: self.run_penalty,
+            run_reach: self.run_reach,
+            exponent: self.exponent,
+            adaptive: self.adaptive,
+            gradient: self.gradient,
+            slab: self.slab,
+        })
+    }
+}
+
+/// Where in the exemplar each window of a synthetic volume comes from.
+#[pyclass(frozen, module = "poresynth._core")]
+pub(super) struct MatchMap {
+    map: crate::texture::MatchMap,
+    orientations: Vec<Orientation>,
+}
+
+#[pymethods]
+impl MatchMap {
+    /// Edge of the windows, voxels.
+    #[getter]
+    fn window(&self) -> usize {
+        self.map.lattice.window
+    }
+
+    /// Shape (z, y, x) of the volume that the windows cover.
+    #[getter]
+    fn shape(&self) -> (usize, usize, usize) {
+        self.map.lattice.shape.into()
+    }
+
+    /// Window origins along (z, y, x).
+    #[getter]
+    fn origins<'py>(&self, py: Python<'py>) -> [Bound<'py, PyArray1<i64>>; 3] {
+        self.map
+            .lattice
+            .origins
+            .each_ref()
+            .map(|axis| axis.iter().map(|&o| o as i64).collect::<Vec<_>>().into_pyarray(py))
+    }
+
+    /// Matches, shape (sites z, sites y, sites x, 4): orientation, then the window's origin (z, y, x)
+    /// in the exemplar under that orientation; orientation 65535 marks a site outside the domain.
+    #[getter]
+    fn matches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray4<u16>>> {
+        let [z, y, x] = self.map.lattice.sites();
+        self.map
+            .matches
+            .iter()
+            .flat_map(|m| [m.orientation, m.origin[0], m.origin[1], m.origin[2]])
+            .collect::<Vec<u16>>()
+            .into_pyarray(py)
+            .reshape([z, y, x, 4])
+    }
+
+    /// `(copy_fraction, mean_copied_block)`: the share of the volume in verbatim copies of more than
+    /// 12³ voxels, and the edge of the volume-weighted mean copied block in voxels.
+    fn copying(&self, py: Python<'_>) -> (f64, f64) {
+        let found = py.detach(|| copying::copying(&self.map));
+        (found.copy_fraction, found.mean_copied_block)
+    }
+}
+
+/// `(level, window, iteration, energy, data, gradient, factor)` of one iteration.
+type EnergyRow = (usize, usize, usize, f64, f64, f64, f32);
+
+/// Synthesises a field: `exemplar` (channel, z, y, x) to `(field, match map, energy records)`.
+#[pyfunction]
+#[pyo3(signature = (exemplar, shape, options, *, seed, known=None, known_mask=None, domain=None, threads=0, progress=None))]
+#[allow(clippy::too_many_arguments)]
+pub(super) fn synthesize<'py>(
+    py: Python<'py>,
+    exemplar: PyReadonlyArray4<'py, f32>,
+    shape: (usize, usize, usize),
+    options: Options,
+    seed: u64,
+    known: Option<PyReadonlyArray4<'py, f32>>,
+    known_mask: Option<PyReadonlyArray3<'py, bool>>,
+    domain: Option<PyReadonlyArray3<'py, bool>>,
+    threads: usize,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<(Bound<'py, PyArray4<f32>>, MatchMap, Vec<EnergyRow>)> {
+    let exemplar = field(exemplar.as_array())?;
+    let orientations = options.orientations()?;
+    let parameters = options.parameters()?;
+    let mask = |m: PyReadonlyArray3<'py, bool>| m.as_array().iter().copied().collect::<Vec<_>>();
+    let known = match (known, known_mask) {
+        (Some(values), Some(on)) => Some((field(values.as_array())?, mask(on))),
+        _ => None,
+    };
+    let constraints = Constraints { known, domain: domain.map(mask) };
+    let made = cancellable::run(py, threads, progress.as_ref(), |monitor| {
+        optimise(&exemplar, shape.into(), &parameters, constraints, Key::new(seed), monitor)
+    })?;
+    let energy = made
+        .energy
+        .iter()
+        .map(|e| (e.level, e.window, e.iteration, e.energy, e.data, e.gradient, e.factor))
+        .collect();
+    Ok((wrap(py, made.field)?, MatchMap { map: made.map, orientations }, energy))
+}
+
+/// Brings values of the exemplar (channel, z, y, x) to a synthetic field through its match map.
+#[pyfunction]
+#[pyo3(name = "carry", signature = (exemplar, field, values, match_map, *, seed, slab, threads=0))]
+#[allow(clippy::too_many_arguments)]
+pub(super) fn carry_values<'py>(
+    py: Python<'py>,
+    exemplar: PyReadonlyArray4<'py, f32>,
+    #[pyo3(from_py_with = field_argument)] field: Field,
+    values: PyReadonlyArray4<'py, f32>,
+    match_map: &MatchMap,
+    seed: u64,
+    slab: usize,
+    threads: usize,
+) -> PyResult<Bound<'py, PyArray4<f32>>> {
+    let exemplar = self::field(exemplar.as_array())?;
+    let values = self::field(values.as_array())?;
+    let fits = values.shape() == exemplar.shape() && field.shape() == match_map.map.lattice.shape;
+    if !fits || field.channels() != exemplar.channels() {
+        let allowed = "must have the shapes of the exemplar and of the match map";
+        return Err(
+            Error::parameter("values, field", (values.shape(), field.shape()), allowed).into()
+        );
+    }
+    let views: Vec<View> =
+        match_map.orientations.iter().map(|o| o.view(exemplar.shape())).collect();
+    let out = cancellable::run(py, threads, None, |monitor| {
+        let source = Source { field: &exemplar, laplacian: None, views: &views };
+        carry::carry(&source, &field, &values, &match_map.map, slab, Key::new(seed), monitor)
+    })?;
+    wrap(py, out)
+}
+
+/// Gaussian blur of a field (channel, z, y, x), sigma in voxels.
+#[pyfunction]
+#[pyo3(signature = (field, sigma, *, boundary))]
+pub(super) fn gaussian<'py>(
+    py: Python<'py>,
+    #[pyo3(from_py_with = field_argument)] field: Field,
+    sigma: f32,
+    boundary: &str,
+) -> PyResult<Bound<'py, PyArray4<f32>>> {
+    let boundary = boundary.parse()?;
+    if !(sigma > 0.0 && sigma <= 100.0) {
+        return Err(Error::parameter("sigma", sigma, "must be above 0 and at most 100").into());
+    }
+    let out = py.detach(|| pyramid::gaussian(&field, sigma, boundary));
+    wrap(py, out)
+}
+
+fn field_argument(argument: &Bound<'_, PyAny>) -> PyResult<Field> {
+    let array = argument.extract::<PyReadonlyArray4<'_, f32>>()?;
+    Ok(field(array.as_array())?)
+}
+
+fn field(view: ArrayView4<'_, f32>) -> Result<Field> {
+    let (channels, z, y, x) = view.dim();
+    Field::new([z, y, x], channels, view.iter().copied().collect())
+}
+
+fn wrap(py: Python<'_>, field: Field) -> PyResult<Bound<'_, PyArray4<f32>>> {
+    let [z, y, x]: Shape = field.shape();
+    let channels = field.channels();
+    field.into_values().into_pyarray(py).reshape([channels, z, y, x])
+}

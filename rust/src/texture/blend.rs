@@ -1,0 +1,256 @@
+//! The optimisation step: overlapping windows become one volume (zhang_2017 §4.3).
+
+use rayon::prelude::*;
+
+use super::field::Field;
+use super::lattice::Lattice;
+use super::match_map::{Match, MatchMap};
+use super::symmetry::View;
+use crate::error::Result;
+use crate::monitor::Monitor;
+use crate::volume::Shape;
+
+/// Weighted means over the windows that cover each voxel.
+pub struct Blend {
+    /// Mean of the exemplar's values; voxels that no window covers keep what they had.
+    pub mean: Field,
+    /// Mean weight of the covering windows.
+    pub weight: Vec<f32>,
+    /// Mean of the exemplar's Laplacian, if it was asked for.
+    pub laplacian: Option<Field>,
+}
+
+/// What the windows carry.
+pub struct Source<'a> {
+    /// The exemplar.
+    pub field: &'a Field,
+    /// Its Laplacian, for the gradient term.
+    pub laplacian: Option<&'a Field>,
+    /// The exemplar under each orientation.
+    pub views: &'a [View],
+}
+
+/// Averages the matched windows into a volume (the E-step's least squares), `slab` planes at a time.
+///
+/// Each voxel receives its windows in the order of the sites, whatever the slabs, so the result does
+/// not depend on them. Memory: what is returned, and as much again for the slabs in work.
+///
+/// # Errors
+/// If the caller cancels.
+pub fn blend(
+    source: &Source<'_>,
+    map: &MatchMap,
+    weights: &[f32],
+    previous: &Field,
+    slab: usize,
+    monitor: &Monitor<'_>,
+) -> Result<Blend> {
+    let shape = map.lattice.shape;
+    let channels = source.field.channels();
+    let plane = shape[1] * shape[2];
+    let mut mean = Field::zeros(shape, channels);
+    let mut laplacian = source.laplacian.map(|_| Field::zeros(shape, channels));
+    let mut weight = vec![0.0f32; shape[0] * plane];
+
+    // Every slab's part of every array: the sums are made in place.
+    let length = slab.max(1) * plane;
+    let mut parts: Vec<Slab<'_>> = weight
+        .chunks_mut(length)
+        .enumerate()
+        .map(|(i, weight)| Slab {
+            first: i * slab.max(1),
+            weight,
+            mean: Vec::new(),
+            laplacian: Vec::new(),
+        })
+        .collect();
+    for c in split_channels(&mut mean, channels, length) {
+        for (part, values) in parts.iter_mut().zip(c) {
+            part.mean.push(values);
+        }
+    }
+    if let Some(laplacian) = &mut laplacian {
+        for c in split_channels(laplacian, channels, length) {
+            for (part, values) in parts.iter_mut().zip(c) {
+                part.laplacian.push(values);
+            }
+        }
+    }
+    let coverage: [Vec<u32>; 3] = std::array::from_fn(|a| map.lattice.coverage(a));
+    parts.par_iter_mut().try_for_each(|part| {
+        monitor.check()?;
+        part.add_windows(source, map, weights);
+        part.normalise(previous, &coverage, shape);
+        Ok(())
+    })?;
+    drop(parts);
+    Ok(Blend { mean, weight, laplacian })
+}
+
+fn split_channels(
+    field: &mut Field,
+    channels: usize,
+    length: usize,
+) -> Vec<std::slice::ChunksMut<'_, f32>> {
+    let n = crate::volume::voxels(field.shape());
+    let mut rest = field.values_mut();
+    (0..channels)
+        .map(|_| {
+            let (channel, tail) = std::mem::take(&mut rest).split_at_mut(n);
+            rest = tail;
+            channel.chunks_mut(length)
+        })
+        .collect()
+}
+
+struct Slab<'a> {
+    first: usize,
+    weight: &'a mut [f32],
+    mean: Vec<&'a mut [f32]>,
+    laplacian: Vec<&'a mut [f32]>,
+}
+
+impl Slab<'_> {
+    fn add_windows(&mut self, source: &Source<'_>, map: &MatchMap, weights: &[f32]) {
+        let Lattice { shape, window, origins, .. } = &map.lattice;
+        let plane = shape[1] * shape[2];
+        let planes = self.weight.len() / plane.max(1);
+        for (sz, &oz) in origins[0].iter().enumerate() {
+            for dz in 0..*window {
+                let z = (oz + dz) % shape[0];
+                if !(self.first..self.first + planes).contains(&z) {
+                    continue;
+                }
+                let start = (z - self.first) * plane;
+                let layer = Layer { source, map, weights, sz, dz };
+                layer.add_ones(&mut self.weight[start..start + plane]);
+                for c in 0..self.mean.len() {
+                    layer.add(source.field.channel(c), &mut self.mean[c][start..start + plane]);
+                    if let Some(laplacian) = source.laplacian {
+                        layer.add(
+                            laplacian.channel(c),
+                            &mut self.laplacian[c][start..start + plane],
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    fn normalise(&mut self, previous: &Field, coverage: &[Vec<u32>; 3], shape: Shape) {
+        let plane = shape[1] * shape[2];
+        for i in 0..self.weight.len() {
+            let sum = self.weight[i];
+            let at = self.first * plane + i;
+            for c in 0..self.mean.len() {
+                self.mean[c][i] =
+                    if sum > 0.0 { self.mean[c][i] / sum } else { previous.channel(c)[at] };
+            }
+            if sum > 0.0 {
+                for laplacian in &mut self.laplacian {
+                    laplacian[i] /= sum;
+                }
+            }
+            let [z, y, x] = crate::volume::position(shape, at);
+            let count = coverage[0][z] * coverage[1][y] * coverage[2][x];
+            self.weight[i] = sum / count as f32;
+        }
+    }
+}
+
+/// The rows that one layer of sites adds to one plane.
+struct Layer<'a> {
+    source: &'a Source<'a>,
+    map: &'a MatchMap,
+    weights: &'a [f32],
+    sz: usize,
+    dz: usize,
+}
+
+impl Layer<'_> {
+    fn add(&self, values: &[f32], plane: &mut [f32]) {
+        add_layer(self, values, plane);
+    }
+
+    fn add_ones(&self, plane: &mut [f32]) {
+        let window = self.map.lattice.window;
+        let [_, _, nx] = self.map.lattice.shape;
+        self.for_each_site(|ox, rows, _, weight| {
+            for &y in rows {
+                let row = &mut plane[y * nx..(y + 1) * nx];
+                let head = window.min(nx - ox);
+                row[ox..ox + head].iter_mut().for_each(|v| *v += weight);
+                row[..window - head].iter_mut().for_each(|v| *v += weight);
+            }
+        });
+    }
+
+    /// Calls `visit(x origin, output rows, match, weight)` for the sites of the layer, in order.
+    #[inline(always)]
+    fn for_each_site(&self, mut visit: impl FnMut(usize, &[usize], Match, f32)) {
+        let Lattice { shape, window, origins, .. } = &self.map.lattice;
+        let (ny, nx) = (origins[1].len(), origins[2].len());
+        let mut rows = Vec::with_capacity(*window);
+        for (sy, &oy) in origins[1].iter().enumerate() {
+            rows.clear();
+            rows.extend((oy..oy + window).map(|y| y % shape[1]));
+            for (sx, &ox) in origins[2].iter().enumerate() {
+                let site = (self.sz * ny + sy) * nx + sx;
+                let m = self.map.matches[site];
+                if m.is_some() {
+                    visit(ox, &rows, m, self.weights[site]);
+                }
+            }
+        }
+    }
+}
+
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
+fn add_layer(layer: &Layer<'_>, values: &[f32], plane: &mut [f32]) {
+    let window = layer.map.lattice.window;
+    let nx = layer.map.lattice.shape[2];
+    layer.for_each_site(|ox, rows, m, weight| {
+        let view = &layer.source.views[usize::from(m.orientation)];
+        let [mz, my, mx] = m.origin.map(usize::from);
+        let head = window.min(nx - ox);
+        for (dy, &y) in rows.iter().enumerate() {
+            let start = view.index([mz + layer.dz, my + dy, mx]);
+            let row = &mut plane[y * nx..(y + 1) * nx];
+            if view.stride[2] == 1 {
+                let from = &values[start..start + window];
+                if head == window {
+                    add_row(&mut row[ox..ox + window], from, weight);
+                } else {
+                    add_row(&mut row[ox..], &from[..head], weight);
+                    add_row(&mut row[..window - head], &from[head..], weight);
+                }
+            } else {
+                let mut at = start as isize;
+                for dx in 0..window {
+                    let x = if dx < head { ox + dx } else { dx - head };
+                    row[x] += weight * values[at as usize];
+                    at += view.stride[2];
+                }
+            }
+        }
+    });
+}
+
+/// `row += weight * from`; the usual lengths are unrolled.
+#[inline(always)]
+fn add_row(row: &mut [f32], from: &[f32], weight: f32) {
+    #[inline(always)]
+    fn fixed<const N: usize>(row: &mut [f32], from: &[f32], weight: f32) {
+        if let (Some(row), Some(from)) = (row.first_chunk_mut::<N>(), from.first_chunk::<N>()) {
+            for i in 0..N {
+                row[i] += weight * from[i];
+            }
+        }
+    }
+    match row.len() {
+        4 => fixed::<4>(row, from, weight),
+        8 => fixed::<8>(row, from, weight),
+        10 => fixed::<10>(row, from, weight),
+        _ => row.iter_mut().zip(from).for_each(|(v, e)| *v += weight * e),
+    }
+}

@@ -1,0 +1,157 @@
+//! The exemplar's own values, brought to the output through the match map.
+
+use rayon::prelude::*;
+
+use super::blend::{Source, blend};
+use super::field::Field;
+use super::match_map::MatchMap;
+use crate::error::Result;
+use crate::monitor::Monitor;
+use crate::rng::Key;
+use crate::volume::{Boundary, voxels};
+
+/// One site in this many leads a cell of its own.
+const SITES_PER_CELL: usize = 16;
+
+/// Half the edge, in voxels, of the cube that a leading site may fill.
+const REACH: usize = 6;
+
+/// Price, in squared voxels of distance, of a squared level of disagreement between the output's field
+/// and the exemplar's.
+const DISAGREEMENT: f32 = 0.02;
+
+/// Price, in squared voxels, of a value from a site that leads no cell.
+const FALLBACK: f32 = 30.0;
+
+/// Share of the mean over all windows in the result. Copies alone come out 8–11 % too sharp, for their
+/// cells have borders, the mean alone 8–10 % too smooth; in between bone and cement both have the
+/// gradient of their exemplar within 2 %.
+const SOFTNESS: f32 = 0.4;
+
+/// For each voxel the values of `values` at a place of the exemplar that fits there.
+///
+/// Values are mostly copied, not averaged, so that sharpness and noise stay the exemplar's. A copied
+/// noise texture must not change its source at every lattice cell, or the cells show: a random few of
+/// the sites lead irregular cells of five voxels or so, which they fill as far as their place in the
+/// exemplar agrees with the output's field; elsewhere the nearest window that agrees steps in.
+/// Memory: 8 bytes a voxel, and 12 a channel.
+///
+/// # Errors
+/// If the caller cancels.
+pub fn carry(
+    source: &Source<'_>,
+    output: &Field,
+    values: &Field,
+    map: &MatchMap,
+    slab: usize,
+    key: Key,
+    monitor: &Monitor<'_>,
+) -> Result<Field> {
+    let shape = map.lattice.shape;
+    let plane = shape[1] * shape[2];
+    let slab = slab.max(1);
+    let mut places = vec![0u32; voxels(shape)];
+    places.par_chunks_mut(slab * plane).enumerate().try_for_each(|(i, places)| {
+        monitor.check()?;
+        Cells { source, output, map, key, first: i * slab }.fill(places);
+        Ok(())
+    })?;
+    let mut out = Field::zeros(shape, values.channels());
+    for c in 0..values.channels() {
+        let from = values.channel(c);
+        out.channel_mut(c).par_iter_mut().zip(&places).for_each(|(v, &p)| *v = from[p as usize]);
+    }
+    let carried = Source { field: values, laplacian: None, views: source.views };
+    let weights = vec![1.0; map.matches.len()];
+    let mean = blend(&carried, map, &weights, &out, slab, monitor)?.mean;
+    for c in 0..values.channels() {
+        let smooth = mean.channel(c);
+        out.channel_mut(c).par_iter_mut().zip(smooth).for_each(|(v, m)| *v += SOFTNESS * (m - *v));
+    }
+    Ok(out)
+}
+
+/// The search for places in some planes of the output.
+struct Cells<'a> {
+    source: &'a Source<'a>,
+    output: &'a Field,
+    map: &'a MatchMap,
+    key: Key,
+    first: usize,
+}
+
+impl Cells<'_> {
+    fn fill(&self, places: &mut [u32]) {
+        let [sz, sy, sx] = self.map.lattice.sites();
+        let mut scores = vec![f32::INFINITY; places.len()];
+        for site in 0..sz * sy * sx {
+            if self.map.matches[site].is_some() {
+                let leads = self.key.below(site as u64, SITES_PER_CELL) == 0;
+                let at = [site / (sy * sx), site / sx % sy, site % sx];
+                self.offer(site, at, leads, &mut scores, places);
+            }
+        }
+    }
+
+    /// Offers the voxels round a site the exemplar's values round its match.
+    fn offer(
+        &self,
+        site: usize,
+        at: [usize; 3],
+        leads: bool,
+        scores: &mut [f32],
+        places: &mut [u32],
+    ) {
+        let lattice = &self.map.lattice;
+        let window = lattice.window as i32;
+        let [_, ny, nx] = lattice.shape;
+        let planes = places.len() / (ny * nx);
+        let m = self.map.matches[site];
+        let view = &self.source.views[usize::from(m.orientation)];
+        let (low, high, price) = if leads {
+            let centre = window / 2;
+            (centre - REACH as i32, centre + REACH as i32, 0.0)
+        } else {
+            (0, window, FALLBACK)
+        };
+        // Along each axis: output coordinate, exemplar coordinate, squared distance from the centre.
+        let axes: [Vec<(usize, usize, f32)>; 3] = std::array::from_fn(|a| {
+            let n = lattice.shape[a] as i32;
+            (low..high)
+                .filter_map(|d| {
+                    let to = lattice.origins[a][at[a]] as i32 + d;
+                    let from = i32::from(m.origin[a]) + d;
+                    let inside = lattice.boundary == Boundary::Periodic || (0..n).contains(&to);
+                    let off = d as f32 - (window as f32 - 1.0) / 2.0;
+                    (inside && (0..view.shape[a] as i32).contains(&from))
+                        .then(|| (to.rem_euclid(n) as usize, from as usize, off * off))
+                })
+                .collect()
+        });
+        for &(z, fz, dz) in &axes[0] {
+            if !(self.first..self.first + planes).contains(&z) {
+                continue;
+            }
+            for &(y, fy, dy) in &axes[1] {
+                let row = ((z - self.first) * ny + y) * nx;
+                let full = (z * ny + y) * nx;
+                for &(x, fx, dx) in &axes[2] {
+                    let mut score = price + dz + dy + dx;
+                    if score >= scores[row + x] {
+                        continue;
+                    }
+                    let place = view.index([fz, fy, fx]);
+                    for c in 0..self.output.channels() {
+                        let off =
+                            self.output.channel(c)[full + x] - self.source.field.channel(c)[place];
+                        score += DISAGREEMENT * off * off;
+                    }
+                    if score < scores[row + x] {
+                        scores[row + x] = score;
+                        places[row + x] = place as u32;
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,239 @@
+#![allow(clippy::float_cmp)] // equal bits are what is asked for
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::*;
+use crate::error::Error;
+use crate::texture::symmetry::Symmetry;
+use crate::threads::with_threads;
+use crate::volume::{Boundary, position, voxels};
+
+/// Smooth noise: something with a structure a few voxels large.
+fn exemplar(channels: usize) -> Field {
+    let shape = [18, 17, 16];
+    let n = channels * voxels(shape);
+    let noise = (0..n as u64).map(|i| 255.0 * Key::new(7).unit(i)).collect();
+    let smooth =
+        pyramid::gaussian(&Field::new(shape, channels, noise).unwrap(), 1.2, Boundary::Open);
+    let stretched = smooth.into_values().iter().map(|v| (v - 127.5) * 5.0 + 127.5).collect();
+    Field::new(shape, channels, stretched).unwrap()
+}
+
+fn parameters() -> Parameters {
+    Parameters {
+        levels: 2,
+        stages: vec![Stage { window: 6, step: 3 }, Stage { window: 4, step: 2 }],
+        iterations: 3,
+        tolerance: 0.0,
+        block: 6,
+        components: 16,
+        variance: 0.95,
+        orientations: Symmetry::None.orientations(None),
+        backend: Backend::Coherent,
+        index_weight: IndexWeight::Off,
+        run_penalty: 0.3,
+        run_reach: 6,
+        exponent: 0.8,
+        adaptive: true,
+        gradient: 0.1,
+        boundary: Boundary::Open,
+        slab: 5,
+    }
+}
+
+const SHAPE: Shape = [22, 13, 19];
+
+fn run(p: &Parameters, constraints: Constraints) -> Synthesis {
+    synthesize(&exemplar(1), SHAPE, p, constraints, Key::new(3), &Monitor::silent()).unwrap()
+}
+
+#[test]
+fn the_result_is_the_same_on_any_number_of_threads_and_slabs() {
+    for boundary in [Boundary::Open, Boundary::Periodic] {
+        for backend in [Backend::Coherent, Backend::KdTree(5)] {
+            let p = Parameters { backend, boundary, ..parameters() };
+            let first = run(&p, Constraints::default());
+            for (threads, slab) in [(1, 5), (2, 1), (8, 64), (3, 7)] {
+                let p = Parameters { slab, ..p.clone() };
+                let again = with_threads(threads, || run(&p, Constraints::default())).unwrap();
+                assert!(first.field == again.field && first.map == again.map, "{threads} {slab}");
+                assert_eq!(first.energy, again.energy);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_backend_and_option_gives_values_of_the_exemplars_range() {
+    let source = exemplar(2);
+    let (low, high) = source
+        .clone()
+        .into_values()
+        .iter()
+        .fold((f32::MAX, f32::MIN), |(a, b), &v| (a.min(v), b.max(v)));
+    for backend in [Backend::BruteForce, Backend::KdTree(4), Backend::Coherent] {
+        for index_weight in [IndexWeight::Off, IndexWeight::Literal, IndexWeight::Normalised] {
+            for symmetry in [Symmetry::None, Symmetry::Flips] {
+                let p = Parameters {
+                    backend,
+                    index_weight,
+                    orientations: symmetry.orientations(None),
+                    iterations: 1,
+                    levels: 1,
+                    ..parameters()
+                };
+                let made = synthesize(
+                    &source,
+                    SHAPE,
+                    &p,
+                    Constraints::default(),
+                    Key::new(0),
+                    &Monitor::silent(),
+                )
+                .unwrap();
+                assert_eq!((made.field.shape(), made.field.channels()), (SHAPE, 2));
+                assert!(made.map.matches.iter().all(|m| m.is_some()));
+                let values = made.field.into_values();
+                assert!(values.iter().all(|v| (low - 1e-3..=high + 1e-3).contains(v)));
+            }
+        }
+    }
+}
+
+#[test]
+fn the_energy_falls_within_a_level() {
+    let made = run(
+        &Parameters { iterations: 8, run_penalty: 0.0, ..parameters() },
+        Constraints::default(),
+    );
+    for level in 0..2 {
+        let at: Vec<f64> =
+            made.energy.iter().filter(|e| e.level == level).map(|e| e.energy).collect();
+        assert!(at[at.len() - 1] < 0.8 * at[0], "{at:?}");
+    }
+    assert!(made.energy.iter().all(|e| (e.energy - e.data - e.gradient).abs() < 1e-9));
+}
+
+#[test]
+fn the_adaptive_factor_follows_the_energy() {
+    let made = run(&Parameters { iterations: 8, ..parameters() }, Constraints::default());
+    for pair in made.energy.windows(2).filter(|p| p[1].iteration > 0) {
+        let ratio = pair[1].factor / pair[0].factor;
+        let expected = if pair[1].energy < pair[0].energy { 1.05 } else { 0.7 };
+        assert!((ratio - expected).abs() < 1e-4, "{pair:?}");
+    }
+    let fixed = run(&Parameters { adaptive: false, ..parameters() }, Constraints::default());
+    assert!(fixed.energy.iter().all(|e| e.factor == 1.0));
+}
+
+#[test]
+fn a_periodic_result_has_no_larger_steps_across_the_border_than_inside() {
+    let p = Parameters { boundary: Boundary::Periodic, iterations: 6, ..parameters() };
+    let field = run(&p, Constraints::default()).field;
+    let [nz, ny, nx] = SHAPE;
+    let step = |z: usize| -> f32 {
+        let next = (z + 1) % nz;
+        let values = field.channel(0);
+        (0..ny * nx).map(|i| (values[z * ny * nx + i] - values[next * ny * nx + i]).abs()).sum()
+    };
+    let inside: Vec<f32> = (0..nz - 1).map(step).collect();
+    let largest = inside.iter().copied().fold(0.0, f32::max);
+    assert!(step(nz - 1) <= 1.3 * largest, "{} {inside:?}", step(nz - 1));
+}
+
+#[test]
+fn known_voxels_are_kept_and_their_surroundings_adapt() {
+    let source = exemplar(1);
+    let known: Vec<bool> = (0..voxels(SHAPE)).map(|i| position(SHAPE, i)[0] < 8).collect();
+    let mut values = Field::zeros(SHAPE, 1);
+    for (i, v) in values.channel_mut(0).iter_mut().enumerate() {
+        let [z, y, x] = position(SHAPE, i);
+        *v = source.channel(0)[crate::volume::index(source.shape(), [z.min(17), y, x.min(15)])];
+    }
+    let constraints = Constraints { known: Some((values.clone(), known.clone())), domain: None };
+    let made = run(&Parameters { iterations: 6, ..parameters() }, constraints);
+    for (i, on) in known.iter().enumerate() {
+        assert!(!on || made.field.channel(0)[i] == values.channel(0)[i]);
+    }
+    // The step from the last known plane to the first free one is an ordinary step.
+    let plane = SHAPE[1] * SHAPE[2];
+    let step = |z: usize| -> f32 {
+        let v = made.field.channel(0);
+        (0..plane).map(|i| (v[z * plane + i] - v[(z + 1) * plane + i]).abs()).sum()
+    };
+    let typical: f32 = (0..SHAPE[0] - 1).map(step).sum::<f32>() / (SHAPE[0] - 1) as f32;
+    assert!(step(7) < 2.0 * typical, "{} {typical}", step(7));
+}
+
+#[test]
+fn windows_that_miss_the_domain_are_not_searched() {
+    let domain: Vec<bool> = (0..voxels(SHAPE)).map(|i| position(SHAPE, i)[2] < 4).collect();
+    let made = run(&parameters(), Constraints { known: None, domain: Some(domain) });
+    let lattice = &made.map.lattice;
+    for (origin, m) in crate::texture::match_map::product(&lattice.origins).zip(&made.map.matches) {
+        assert_eq!(m.is_some(), origin[2] < 4);
+    }
+}
+
+#[test]
+fn the_caller_can_cancel_and_hears_of_the_progress() {
+    let cancel = AtomicBool::new(false);
+    let heard = Mutex::new(Vec::new());
+    let report = |p: crate::monitor::Progress| {
+        heard.lock().unwrap().push(p.fraction);
+        if p.fraction > 0.3 {
+            cancel.store(true, Ordering::Relaxed);
+        }
+    };
+    let monitor = Monitor::new(&cancel, &report);
+    let made = synthesize(
+        &exemplar(1),
+        SHAPE,
+        &parameters(),
+        Constraints::default(),
+        Key::new(0),
+        &monitor,
+    );
+    assert_eq!(made.unwrap_err(), Error::Cancelled);
+    let heard = heard.into_inner().unwrap();
+    assert!(heard.windows(2).all(|w| w[0] <= w[1]) && heard[heard.len() - 1] < 0.8, "{heard:?}");
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let source = exemplar(1);
+    let refuse = |p: Parameters, shape: Shape, constraints: Constraints| {
+        synthesize(&source, shape, &p, constraints, Key::new(0), &Monitor::silent()).unwrap_err()
+    };
+    let none = Constraints::default;
+    refuse(Parameters { levels: 3, ..parameters() }, SHAPE, none());
+    refuse(Parameters { levels: 0, ..parameters() }, SHAPE, none());
+    refuse(Parameters { stages: Vec::new(), ..parameters() }, SHAPE, none());
+    refuse(
+        Parameters { stages: vec![Stage { window: 4, step: 5 }], ..parameters() },
+        SHAPE,
+        none(),
+    );
+    refuse(parameters(), [11, 13, 19], none());
+    refuse(parameters(), [0, 13, 19], none());
+    refuse(parameters(), [1 << 20, 13, 19], none());
+    refuse(parameters(), SHAPE, Constraints { known: None, domain: Some(vec![true; 3]) });
+}
+
+#[test]
+fn an_output_of_the_window_itself_works() {
+    let p = Parameters { levels: 1, stages: vec![Stage { window: 4, step: 2 }], ..parameters() };
+    for boundary in [Boundary::Open, Boundary::Periodic] {
+        let p = Parameters { boundary, ..p.clone() };
+        let made = synthesize(
+            &exemplar(1),
+            [4, 4, 4],
+            &p,
+            Constraints::default(),
+            Key::new(0),
+            &Monitor::silent(),
+        );
+        assert_eq!(made.unwrap().field.shape(), [4, 4, 4]);
+    }
+}

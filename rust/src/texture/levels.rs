@@ -1,0 +1,59 @@
+//! Exemplar and constraints at every resolution.
+
+use super::field::Field;
+use super::parameters::Constraints;
+use super::pyramid;
+use crate::volume::Shape;
+
+/// Exemplar and constraints at every level, 0 the finest.
+pub(super) struct Levels {
+    pub(super) exemplars: Vec<Field>,
+    pub(super) shapes: Vec<Shape>,
+    known: Vec<Option<(Field, Vec<bool>)>>,
+    pub(super) domains: Vec<Option<Vec<bool>>>,
+}
+
+impl Levels {
+    pub(super) fn new(
+        exemplar: &Field,
+        shape: Shape,
+        constraints: Constraints,
+        levels: usize,
+    ) -> Self {
+        let mut this = Self {
+            exemplars: vec![exemplar.clone()],
+            shapes: vec![shape],
+            known: vec![constraints.known],
+            domains: vec![constraints.domain],
+        };
+        for level in 1..levels {
+            let from = this.shapes[level - 1];
+            let to = from.map(|n| n.div_ceil(2));
+            this.exemplars.push(pyramid::reduce(&this.exemplars[level - 1]));
+            // Half of the voxels below must be known for their mean to say something.
+            let known = this.known[level - 1].as_ref().map(|(values, known)| {
+                (pyramid::reduce_known(values, known, to), pyramid::reduce_mask(known, from, to, 4))
+            });
+            let domain =
+                this.domains[level - 1].as_ref().map(|d| pyramid::reduce_mask(d, from, to, 1));
+            this.known.push(known);
+            this.domains.push(domain);
+            this.shapes.push(to);
+        }
+        this
+    }
+
+    pub(super) fn keep_known(&self, level: usize, field: &mut Field) {
+        if let Some((values, known)) = &self.known[level] {
+            for c in 0..field.channels() {
+                for (v, (k, on)) in
+                    field.channel_mut(c).iter_mut().zip(values.channel(c).iter().zip(known))
+                {
+                    if *on {
+                        *v = *k;
+                    }
+                }
+            }
+        }
+    }
+}

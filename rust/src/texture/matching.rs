@@ -1,0 +1,194 @@
+//! The search phase of a pass: describe every window of the output, match it, measure the fit.
+
+use rayon::prelude::*;
+
+use super::field::Field;
+use super::lattice::Lattice;
+use super::match_map::Match;
+use super::neighbourhoods::{BLOCK, Projection, copy_row};
+use super::search::{Scene, Search};
+use crate::error::Result;
+use crate::monitor::Monitor;
+use crate::volume::{position, voxels};
+
+/// Added to a root mean square difference, in field units, before it is raised to r − 2: a window
+/// that matches exactly must not take over.
+const FLOOR: f32 = 1.0;
+
+/// Which windows touch the domain.
+pub(super) fn active_sites(lattice: &Lattice, domain: Option<&[bool]>) -> Vec<bool> {
+    let sites = lattice.sites();
+    let Some(domain) = domain else { return vec![true; voxels(sites)] };
+    let shape = lattice.shape;
+    (0..voxels(sites))
+        .into_par_iter()
+        .map(|site| {
+            let at = position(sites, site);
+            let o: [usize; 3] = std::array::from_fn(|a| lattice.origins[a][at[a]]);
+            let w = lattice.window;
+            (0..w).any(|z| {
+                (0..w).any(|y| {
+                    let row = ((o[0] + z) % shape[0] * shape[1] + (o[1] + y) % shape[1]) * shape[2];
+                    (0..w).any(|x| domain[row + (o[2] + x) % shape[2]])
+                })
+            })
+        })
+        .collect()
+}
+
+/// How well the matches of all sites fit.
+#[derive(Default)]
+pub(super) struct Matched {
+    /// Unscaled weight ‖s − e‖^(r − 2) of each site; 0 outside the domain.
+    weights: Vec<f32>,
+    /// Mean squared difference per voxel, and per pair of neighbouring voxels.
+    data: Vec<f32>,
+    gradient: Vec<f32>,
+}
+
+impl Matched {
+    /// Data and gradient terms of Eq. 1 at λ = 1, means over the windows' voxels.
+    pub(super) fn energy(&self, mu: f32) -> (f64, f64) {
+        let sites = self.weights.iter().filter(|w| **w > 0.0).count().max(1) as f64;
+        let data: f64 = self.weights.iter().zip(&self.data).map(|(w, d)| f64::from(w * d)).sum();
+        let gradient: f64 = self.gradient.iter().map(|g| f64::from(*g)).sum();
+        (data / sites, f64::from(mu) * gradient / sites)
+    }
+
+    /// Weights with mean λ: only their ratio to μ matters, which λ then sets.
+    pub(super) fn weights(&self, factor: f32) -> Vec<f32> {
+        let sum: f64 = self.weights.iter().map(|w| f64::from(*w)).sum();
+        let sites = self.weights.iter().filter(|w| **w > 0.0).count();
+        let scale = if sum > 0.0 { factor * (sites as f64 / sum) as f32 } else { 0.0 };
+        self.weights.iter().map(|w| w * scale).collect()
+    }
+}
+
+/// Matches all active sites; the fit is weighed by ‖s − e‖^(exponent − 2), and gradients are compared
+/// if wanted.
+pub(super) fn match_sites(
+    scene: &Scene<'_>,
+    backend: &dyn Search,
+    field: &Field,
+    active: &[bool],
+    (exponent, gradients): (f32, bool),
+    monitor: &Monitor<'_>,
+) -> Result<(Vec<Match>, Matched)> {
+    let set = scene.neighbourhoods;
+    let (n, length, dims) = (active.len(), set.length(), set.dims());
+    let mut matches = vec![Match::NONE; n];
+    let mut out = Matched { weights: vec![0.0; n], data: vec![0.0; n], gradient: vec![0.0; n] };
+    let sites = scene.lattice.sites();
+    matches
+        .par_chunks_mut(BLOCK)
+        .zip(out.weights.par_chunks_mut(BLOCK))
+        .zip(out.data.par_chunks_mut(BLOCK).zip(out.gradient.par_chunks_mut(BLOCK)))
+        .enumerate()
+        .try_for_each_init(
+            Scratch::default,
+            |scratch, (block, ((matches, weights), (data, gradient)))| {
+                monitor.check()?;
+                let first = block * BLOCK;
+                let count = matches.len();
+                let active = &active[first..first + count];
+                if !active.contains(&true) {
+                    return Ok(());
+                }
+                scratch.windows.resize(count * length, 0.0);
+                scratch.queries.resize(count * dims, 0);
+                for (i, window) in scratch.windows.chunks_exact_mut(length).enumerate() {
+                    if active[i] {
+                        let at = position(sites, first + i);
+                        let origin = std::array::from_fn(|a| scene.lattice.origins[a][at[a]]);
+                        gather(field, origin, set.window(), window);
+                    }
+                }
+                set.describe(&scratch.windows, &mut scratch.projection, &mut scratch.queries);
+                backend.search(scene, first, &scratch.queries, active, matches);
+                scratch.candidate.resize(length, 0.0);
+                for i in (0..count).filter(|&i| active[i]) {
+                    set.gather(matches[i], &mut scratch.candidate);
+                    let own = &mut scratch.windows[i * length..(i + 1) * length];
+                    let fit = compare(own, &scratch.candidate, set.window(), gradients);
+                    (data[i], gradient[i]) = fit;
+                    weights[i] = (data[i].sqrt() + FLOOR).powf(exponent - 2.0);
+                }
+                Ok(())
+            },
+        )?;
+    Ok((matches, out))
+}
+
+#[derive(Default)]
+struct Scratch {
+    windows: Vec<f32>,
+    queries: Vec<i16>,
+    candidate: Vec<f32>,
+    projection: Projection,
+}
+
+/// Copies a window of the output, which wraps if the boundary is periodic (an open lattice never
+/// reaches over the border).
+fn gather(field: &Field, origin: [usize; 3], window: usize, out: &mut [f32]) {
+    let [nz, ny, nx] = field.shape();
+    let head = window.min(nx - origin[2]);
+    for (c, out) in out.chunks_exact_mut(window.pow(3)).enumerate() {
+        let values = field.channel(c);
+        for (row, out) in out.chunks_exact_mut(window).enumerate() {
+            let (z, y) = ((origin[0] + row / window) % nz, (origin[1] + row % window) % ny);
+            let line = &values[(z * ny + y) * nx..][..nx];
+            if head == window {
+                copy_row(&line[origin[2]..origin[2] + window], out);
+            } else {
+                out[..head].copy_from_slice(&line[origin[2]..]);
+                out[head..].copy_from_slice(&line[..window - head]);
+            }
+        }
+    }
+}
+
+/// Mean squared difference of two windows, and of their gradients if wanted; `a` becomes the
+/// difference.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
+fn compare(a: &mut [f32], b: &[f32], w: usize, gradients: bool) -> (f32, f32) {
+    let mut sums = [0.0f32; 8];
+    for (a, b) in a.chunks_mut(8).zip(b.chunks(8)) {
+        for ((s, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *a -= b;
+            *s += *a * *a;
+        }
+    }
+    let data = sums.iter().sum::<f32>() / a.len() as f32;
+    if !gradients {
+        return (data, 0.0);
+    }
+    let (plane, cube) = (w * w, w * w * w);
+    let mut gradient = 0.0f32;
+    for d in a.chunks_exact(cube) {
+        gradient += square_difference(&d[..cube - plane], &d[plane..]);
+        for layer in d.chunks_exact(plane) {
+            gradient += square_difference(&layer[..plane - w], &layer[w..]);
+        }
+        // Along x all pairs of the cube at once, then without those that span two rows.
+        gradient += square_difference(&d[..cube - 1], &d[1..]);
+        gradient -= d[w - 1..cube - 1]
+            .iter()
+            .step_by(w)
+            .zip(d[w..].iter().step_by(w))
+            .map(|(a, b)| (a - b) * (a - b))
+            .sum::<f32>();
+    }
+    // Each pair counts for both of its voxels.
+    (data, 2.0 * gradient.max(0.0) / a.len() as f32)
+}
+
+#[inline(always)]
+fn square_difference(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0f32; 8];
+    for (a, b) in a.chunks(8).zip(b.chunks(8)) {
+        for ((s, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *s += (a - b) * (a - b);
+        }
+    }
+    sums.iter().sum()
+}

@@ -1,0 +1,62 @@
+"""Charts of a report."""
+
+from __future__ import annotations
+
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from poresynth.report import figures
+
+R = np.arange(11)
+CURVE = np.exp(-R / 3)
+RECORDS = [
+    SimpleNamespace(level=level, window=window, iteration=i, energy=energy / (i + 1))
+    for level, window, energy in [(1, 8, 9e4), (1, 4, 2e4), (0, 4, 1e3)]
+    for i in range(3)
+]
+PLOTS = {
+    "two_point": figures.two_point(R, CURVE, CURVE + 0.1, CURVE, CURVE + 0.2, "voxels"),
+    "two_point without a band": figures.two_point(R, CURVE, CURVE, None, None, "voxels"),
+    "histogram": figures.histogram(R, CURVE[1:], CURVE[:-1], 4.5),
+    "histogram without a threshold": figures.histogram(R, CURVE[1:], CURVE[:-1], None),
+    "novelty": figures.novelty([12, 20, 32], [0.5, 0.7, 1.3]),
+    "energy": figures.energy(RECORDS),
+    "one energy of 0": figures.energy([SimpleNamespace(level=0, window=4, iteration=0, energy=0)]),
+}
+
+
+def axes_of(name: str) -> object:
+    axes = Figure().add_subplot()
+    PLOTS[name](axes, figures.LIGHT)
+    return axes
+
+
+@pytest.mark.parametrize("theme", [figures.LIGHT, figures.DARK], ids=["light", "dark"])
+@pytest.mark.parametrize("name", PLOTS)
+def test_a_chart_is_a_picture(name: str, theme: figures.Theme) -> None:
+    assert figures.draw(PLOTS[name], theme).startswith(b"\x89PNG")
+
+
+def test_the_global_state_of_matplotlib_is_left_alone() -> None:
+    assert (
+        "matplotlib.pyplot" not in sys.modules or not sys.modules["matplotlib.pyplot"].get_fignums()
+    )
+
+
+def test_histograms_are_shares() -> None:
+    stairs = axes_of("histogram").patches
+    assert all(patch.get_data().values.sum() == pytest.approx(100) for patch in stairs)
+
+
+def test_each_level_and_window_is_named_once() -> None:
+    texts = [text.get_text() for text in axes_of("energy").texts]
+    assert texts == ["level 1\n8³", "level 1\n4³", "level 0\n4³"]
+
+
+def test_energies_that_fall_far_are_drawn_logarithmically() -> None:
+    assert axes_of("energy").get_yscale() == "log"
+    assert axes_of("one energy of 0").get_yscale() == "linear"

@@ -1,0 +1,82 @@
+"""The page of a report."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from poresynth.report import html
+
+FIGURE = SimpleNamespace(
+    name="floating_parts",
+    value=12,
+    exemplar=3,
+    low=0,
+    high=6,
+    mark="near",
+    unit="",
+    description="Pieces < 10 voxels.",
+)
+PICTURE = html.Picture(b"\x89PNG", 100.0, "exemplar, xy")
+
+
+def page() -> str:
+    body = html.figures_table({"Connectivity": [FIGURE]}) + html.pairs([[PICTURE]], (20, "1 mm"))
+    section = html.Section("Figures & more", body + html.chart("t", "s", b"light", b"dark"))
+    return html.page("<title>", "sub", {"a": "1 < 2"}, [section], "end")
+
+
+def test_a_page_needs_nothing_from_elsewhere() -> None:
+    text = page()
+    for word in ("<script", "http:", "https:", "url(", "<link", "@import"):
+        assert word not in text
+
+
+def test_text_is_escaped() -> None:
+    text = page()
+    for escaped in ("&lt;title&gt;", "1 &lt; 2", "Figures &amp; more", "Pieces &lt; 10 voxels."):
+        assert escaped in text
+    assert html.code("a < b && c") == "<pre><code>a &lt; b &amp;&amp; c</code></pre>"
+
+
+def test_marks_have_words() -> None:
+    text = html.figures_table({"Connectivity": [FIGURE]})
+    assert "1 ≈ near" in text
+    assert '<td class="mark near">≈ near</td>' in text
+    assert "0 to 6" in text
+
+
+def test_a_figure_without_a_range_says_so() -> None:
+    alone = SimpleNamespace(**{**vars(FIGURE), "exemplar": None, "low": None, "high": None})
+    assert html.figures_table({"x": [alone]}).count(">–<") == 2
+
+
+def test_pictures_of_a_row_share_the_scale() -> None:
+    wide = html.Picture(b"", 300.0, "new volume, xy")
+    text = html.pairs([[PICTURE, wide]], (50.0, "50 voxels"))
+    assert "width:24.250%" in text
+    assert "width:72.750%" in text
+    # The bar is as long in both: half of the one, a sixth of the other.
+    assert "width:50.000%" in text
+    assert "width:16.667%" in text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "–"),
+        (math.nan, "–"),
+        (math.inf, "∞"),
+        (0, "0"),
+        (1.0, "1"),
+        (1234567, "1 234 567"),
+        (0.81234, "0.8123"),
+        (-412.5, "-412.5"),
+        (0.0000123, "1.23e-05"),
+        (1.5e9, "1.50e+09"),
+    ],
+)
+def test_numbers_are_written_for_people(value: float | None, text: str) -> None:
+    assert html.format_number(value) == text

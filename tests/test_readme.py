@@ -1,0 +1,94 @@
+"""README.md: its commands and code run, on sizes that take seconds."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from poresynth import config, io
+from poresynth.cli import main
+from poresynth.exemplars import spinodal
+from poresynth.io.registry import formats
+
+ROOT = Path(__file__).parent.parent
+TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+
+# The smallest volume that the default preset takes: a window of 10 voxels at three levels.
+EDGE = 44
+
+
+def blocks(language: str) -> list[str]:
+    found = re.findall(rf"^```{language}\n(.*?)^```", TEXT, re.DOTALL | re.MULTILINE)
+    assert found or language == ""
+    return found
+
+
+def small(code: str) -> str:
+    """The same code for a volume of `EDGE` voxels."""
+    shapes = re.compile(r"\b(?:200|128)(,? )(?:200|128)\1(?:200|128)\b")
+    return shapes.sub(rf"{EDGE}\g<1>{EDGE}\g<1>{EDGE}", code).replace("0:64", "0:20")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("readme")
+    io.write(path / "bone.tif", spinodal((EDGE, EDGE, EDGE), porosity=0.7, wavelength=12, seed=1))
+    return path
+
+
+def test_it_opens_with_two_commands() -> None:
+    assert blocks("")[0] == "make demo\nmake test\n"
+    assert TEXT.index("```") < 20
+
+
+def test_make_knows_every_target() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    contributing = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    targets = set(re.findall(r"\bmake ([a-z][a-z-]*)$", TEXT + contributing, re.MULTILINE))
+    targets |= set(re.findall(r"`make ([a-z-]+)`", TEXT + contributing))
+    assert targets >= {"demo", "test", "bench", "lint"}
+    for target in targets:
+        assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
+
+
+def test_the_commands_run(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    for line in small(blocks("bash")[0]).splitlines():
+        words = shlex.split(line, comments=True)
+        if words:
+            assert words[0] == "poresynth"
+            assert main(words[1:]) == 0, f"{line}\n{capsys.readouterr().err}"
+    for name in ("new.tif", "tile.tif", "again.tif", "figures.json", "out/report.html"):
+        assert Path(name).exists(), name
+
+
+@pytest.mark.parametrize("code", blocks("python"))
+def test_the_python_code_runs(code: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    exec(compile(small(code), "README.md", "exec"), {})
+
+
+@pytest.mark.parametrize("text", blocks("toml"))
+def test_the_configuration_is_one(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "run.toml"
+    path.write_text(text)
+    run = config.validate(config.load(path))
+    assert run.shape == (200, 200, 200)
+
+
+def test_the_formats_are_those_of_the_registry() -> None:
+    table = TEXT.split("## Files")[1].split("##")[0]
+    for format_ in formats():
+        name = format_.name.removeprefix("a ")
+        row = next(line for line in table.splitlines() if name in line)
+        assert (format_.extra or "") in row
+
+
+def test_the_tables_have_their_places() -> None:
+    for name in ("bench", "results"):
+        assert TEXT.index(f"<!-- {name}:begin -->") < TEXT.index(f"<!-- {name}:end -->")
