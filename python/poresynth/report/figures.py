@@ -137,7 +137,7 @@ def novelty(blocks: Mapping[int, tuple[float, float]]) -> Callable[[Axes, Theme]
         for level, name in ((0.0, "a verbatim copy"), (1.0, "as two halves of the exemplar")):
             axes.axhline(level, color=theme.exemplar, lw=1.2, ls="--")
             axes.text(edges[-1], level + 0.02, name, color=theme.ink, fontsize=7.5, ha="right")
-        style = {"color": theme.volume, "marker": "o", "ms": 4.5}
+        style: dict[str, Any] = {"color": theme.volume, "marker": "o", "ms": 4.5}
         axes.plot(edges, plain, lw=1.8, label="new volume", **style)
         axes.plot(edges, mirrored, lw=1.2, ls=":", mfc="none", label="mirrored copies too", **style)
         axes.set(xlabel="edge of the block (voxels)", ylabel="novelty", xticks=edges)
