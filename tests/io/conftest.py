@@ -56,15 +56,6 @@ def format_named() -> Callable[[str], Format]:
     return find
 
 
-@pytest.fixture(scope="session")
-def data_dir() -> Path:
-    """The folder of real exemplars, which the repository does not carry."""
-    folder = os.environ.get("PORESYNTH_DATA")
-    if not folder:
-        pytest.skip("PORESYNTH_DATA does not name the folder of real exemplars")
-    return Path(folder)
-
-
 @pytest.fixture
 def public_folder() -> Iterator[Path]:
     """A folder that every user of the machine can reach, unlike pytest's own."""
