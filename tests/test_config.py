@@ -56,6 +56,8 @@ def test_merging_with_nothing_changes_nothing(document: dict[str, Any]) -> None:
     [
         ("levels=2", {"parameters": {"levels": 2}}),
         ("windows=[8, 4]", {"parameters": {"windows": [8, 4]}}),
+        ("windows=8,4", {"parameters": {"windows": [8, 4]}}),
+        ("unit=a, b", {"parameters": {"unit": "a, b"}}),
         ("run_penalty=0.1", {"parameters": {"run_penalty": 0.1}}),
         ("adaptive=true", {"parameters": {"adaptive": True}}),
         ("field=intensity", {"parameters": {"field": "intensity"}}),

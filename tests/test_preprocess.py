@@ -246,3 +246,9 @@ def test_infinite_voxels_are_counted_and_located() -> None:
 def test_bad_voxels_are_named(array: np.ndarray, said: str) -> None:
     with pytest.raises(ParameterError, match=said):
         validate_voxels(array, "x")
+
+
+def test_three_labels_are_taken_for_labels_unless_said_otherwise() -> None:
+    phases = np.random.default_rng(0).choice(np.array([0, 7, 200], np.uint8), (6, 6, 6))
+    np.testing.assert_array_equal(downsample(phases, 2), downsample(phases, 2, labels=True))
+    assert len(np.unique(downsample(phases, 2, labels=False))) > 3

@@ -209,8 +209,9 @@ def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
     ----------
     settings : iterable of str
         A plain key is a parameter of the engine (``levels=2``), a dotted one a path in the
-        configuration (``input.downsample=2``). Values are written as in TOML; what is not TOML
-        is taken as text, so that ``field=intensity`` needs no quotes.
+        configuration (``input.downsample=2``). Values are written as in TOML; a list needs no
+        brackets (``windows=8,4``), and what is not TOML is taken as text, so that
+        ``field=intensity`` needs no quotes.
 
     Returns
     -------
@@ -227,13 +228,20 @@ def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
         names = key.strip().split(".")
         if not equals or not all(names):
             raise ParameterError("--set", setting, "must be key=value, such as levels=2")
-        try:
-            value = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
-            value = text.strip()
+        value = _value(text)
         *tables, name = names if len(names) > 1 else ("parameters", *names)
         document = merge(document, _nested(tables, {name: value}))
     return document
+
+
+def _value(text: str) -> Any:
+    """Read a value as TOML, as a TOML list without brackets, or as text."""
+    for spelling in (text, f"[{text}]") if "," in text else (text,):
+        try:
+            return tomllib.loads(f"value = {spelling}")["value"]
+        except tomllib.TOMLDecodeError:
+            continue
+    return text.strip()
 
 
 def merge(base: Mapping[str, Any], *overrides: Mapping[str, Any]) -> dict[str, Any]:

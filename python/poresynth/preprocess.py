@@ -14,13 +14,18 @@ from poresynth.errors import ParameterError
 from poresynth.volume import Volume, as_volume
 
 __all__ = [
+    "MOST_LABELS",
     "binarize",
     "crop",
     "downsample",
     "is_two_valued",
+    "label_values",
     "threshold",
     "validate_voxels",
 ]
+
+MOST_LABELS = 16
+"""An integer volume of three to so many values is taken for labels, one of more for gray."""
 
 # Volume in, Volume out; array in, array out.
 _Voxels = TypeVar("_Voxels", Volume, npt.NDArray[Any])
@@ -78,8 +83,8 @@ def downsample(volume: _Voxels, factor: int, labels: bool | None = None) -> _Vox
     labels : bool, optional
         True: the voxels are phases, and the most frequent of a block is taken, the lowest of
         those if several are. False: they are intensities, and the mean is taken, rounded to an
-        integer for integer types. Default: True for bool and volumes of at most two values,
-        which stay so; a volume of three or more phases has to say it.
+        integer for integer types. Default: True for volumes of at most two values and for
+        integers of at most 16, which are taken for labels everywhere.
 
     Returns
     -------
@@ -106,7 +111,7 @@ def downsample(volume: _Voxels, factor: int, labels: bool | None = None) -> _Vox
     if not 1 <= factor <= limit:
         raise ParameterError("factor", factor, f"must be 1 to {limit}, the shortest edge")
     if labels is None:
-        labels = is_two_valued(whole)
+        labels = is_two_valued(whole) or bool(label_values(whole))
     pick = _majority if labels else _mean
     nz, ny, nx = (n // b for n, b in zip(whole.shape, (bz, by, bx), strict=True))
     channels: tuple[int, ...] = whole.array.shape[3:]
@@ -202,6 +207,22 @@ def is_two_valued(volume: Volume | npt.ArrayLike) -> bool:
     low, high = array.min(), array.max()
     # Most gray volumes say no in their first slice.
     return all(bool(((part == low) | (part == high)).all()) for part in np.atleast_1d(array))
+
+
+def label_values(volume: Volume | npt.ArrayLike) -> tuple[int, ...]:
+    """Return the labels of a volume, ascending; none for one that is binary or gray.
+
+    Integers of 3 to 16 different values are labels. Peak memory: a few slices.
+    """
+    array = np.asarray(volume)
+    if array.dtype.kind not in "ui":
+        return ()
+    values = np.empty(0, array.dtype)
+    for plane in np.atleast_1d(array):
+        values = np.union1d(values, plane)
+        if len(values) > MOST_LABELS:  # Most gray volumes say so in their first slice.
+            return ()
+    return tuple(int(v) for v in values) if len(values) > 2 else ()
 
 
 def validate_voxels(volume: Volume | npt.ArrayLike, name: str = "volume") -> Volume:

@@ -10,15 +10,18 @@ import numpy.typing as npt
 
 from poresynth import _core
 from poresynth.errors import ParameterError
-from poresynth.preprocess import binarize, is_two_valued, threshold
+from poresynth.preprocess import (
+    MOST_LABELS,
+    binarize,
+    is_two_valued,
+    label_values,
+    threshold,
+)
 from poresynth.volume import Volume
 
-__all__ = ["MOST_LABELS", "Phases", "detect_kind"]
+__all__ = ["Phases", "detect_kind"]
 
 Kind = Literal["gray", "binary", "label"]
-
-MOST_LABELS = 16
-"""An integer volume of at most so many values is taken for labels; each costs a channel."""
 
 
 def detect_kind(array: npt.NDArray[Any]) -> Kind:
@@ -31,12 +34,7 @@ def detect_kind(array: npt.NDArray[Any]) -> Kind:
         return "gray"
     if is_two_valued(array):
         return "binary"
-    if np.issubdtype(array.dtype, np.integer):
-        # A sample settles the common case, a gray volume, without sorting all of it.
-        sample = np.unique(array.ravel()[:: max(1, array.size // 100_000)])
-        if len(sample) <= MOST_LABELS and len(np.unique(array)) <= MOST_LABELS:
-            return "label"
-    return "gray"
+    return "label" if label_values(array) else "gray"
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from poresynth.errors import ParameterError
+from poresynth.preprocess import MOST_LABELS
 from poresynth.volume import Volume
 
-__all__ = ["MOST_VALUES", "PhaseLike", "as_phase", "as_scalar_volume", "whole_number"]
+__all__ = ["PhaseLike", "as_phase", "as_scalar_volume", "whole_number"]
 
 PhaseLike = Volume | npt.ArrayLike
 """A phase: bool, two-valued or labels, shape (z, y, x); see `as_phase`."""
-
-MOST_VALUES = 16
-"""A phase has at most so many values: more are a gray volume that was not cut."""
 
 
 def as_scalar_volume(volume: Volume | npt.ArrayLike, name: str) -> npt.NDArray[Any]:
@@ -82,8 +80,8 @@ def as_phase(solid: PhaseLike, name: str = "solid") -> npt.NDArray[np.bool_]:
     values = np.empty(0, array.dtype)
     for plane in array:
         values = np.union1d(values, plane)
-        if len(values) > MOST_VALUES:
-            what = f"gray volume of more than {MOST_VALUES} values"
+        if len(values) > MOST_LABELS:
+            what = f"gray volume of more than {MOST_LABELS} values"
             raise ParameterError(name, what, "must be a phase; cut it with poresynth.binarize")
     return np.asarray(array != 0)
 

@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from poresynth import preprocess
 from poresynth.errors import ParameterError
-from poresynth.metrics.arguments import MOST_VALUES
 from poresynth.volume import Volume
 
 __all__ = ["Structure", "first_channel"]
@@ -70,7 +69,7 @@ class Structure:
         if solid not in ("bright", "dark"):
             raise ParameterError("solid", solid, "must be 'bright' or 'dark'")
         array = first_channel(volume, name)
-        labels = _labels(array)
+        labels = preprocess.label_values(array)
         if threshold is None and labels:
             low, high = labels[:2] if solid == "bright" else labels[-2:]
             value = (low + high) / 2
@@ -123,14 +122,3 @@ def first_channel(volume: Volume, name: str) -> npt.NDArray[Any]:
     if array.ndim == 3:
         return array
     return preprocess.validate_voxels(array[..., 0], f"first channel of {name}").array
-
-
-def _labels(array: npt.NDArray[Any]) -> tuple[int, ...]:
-    if array.dtype.kind not in "ui":
-        return ()
-    values = np.empty(0, array.dtype)
-    for plane in array:
-        values = np.union1d(values, plane)
-        if len(values) > MOST_VALUES:
-            return ()
-    return tuple(int(v) for v in values) if len(values) > 2 else ()

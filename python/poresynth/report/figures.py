@@ -142,7 +142,7 @@ def novelty(blocks: Mapping[int, tuple[float, float]]) -> Callable[[Axes, Theme]
         axes.plot(edges, mirrored, lw=1.2, ls=":", mfc="none", label="mirrored copies too", **style)
         axes.set(xlabel="edge of the block (voxels)", ylabel="novelty", xticks=edges)
         axes.set_ylim(-0.05, max(1.2, 1.1 * np.nanmax([*plain, *mirrored])))
-        axes.legend(loc="center right")
+        axes.legend(loc="lower center")
 
     return plot
 
