@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from poresynth.compare import compare
-    from poresynth.compare import compare
     from poresynth.engines.volume_texture import VolumeTexture
     from poresynth.errors import PoresynthError
     from poresynth.io import read, write
