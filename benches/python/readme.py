@@ -33,6 +33,12 @@ def save(name: str, figures: Any) -> None:
     (RESULTS / f"{name}.json").write_text(json.dumps(record, indent=1) + "\n")
 
 
+def load(name: str) -> Any:
+    """Read the figures that `save` wrote, an empty list if there are none."""
+    path = RESULTS / f"{name}.json"
+    return json.loads(path.read_text())["figures"] if path.exists() else []
+
+
 def update_readme(marker: str, table: str) -> None:
     """Put a table between the two comments of a marker in README.md."""
     readme = ROOT / "README.md"

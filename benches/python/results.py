@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from readme import machine, save, update_readme
+from readme import load, machine, save, update_readme
 
 import poresynth
 from poresynth import exemplars
@@ -119,13 +119,21 @@ def main() -> None:
     parser.add_argument("--edge", type=int, default=128)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
-    rows = []
+    # What was measured before at the same size and seed stays, so that presets can be run apart.
+    rows = {
+        (row["exemplar"], row["preset"]): row
+        for row in load("results")
+        if (row["edge"], row["seed"]) == (arguments.edge, arguments.seed)
+    }
     for title, exemplar in cases():
         for preset in arguments.presets:
-            rows.append(run(title, exemplar, preset, arguments.edge, arguments.seed))
-            print(title, preset, f"{rows[-1]['seconds']} s", flush=True)
-    save("results", rows)
-    update_readme("results", table(rows))
+            row = run(title, exemplar, preset, arguments.edge, arguments.seed)
+            rows[title, preset] = row
+            print(title, preset, f"{row['seconds']} s", flush=True)
+            save("results", list(rows.values()))
+    titles = [title for title, _ in cases()]
+    ordered = sorted(rows.items(), key=lambda item: (titles.index(item[0][0]), item[0][1]))
+    update_readme("results", table([row for _, row in ordered]))
 
 
 if __name__ == "__main__":

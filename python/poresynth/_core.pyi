@@ -6,6 +6,22 @@ from typing import Any, final
 import numpy as np
 import numpy.typing as npt
 
+__all__ = [
+    "MatchMap",
+    "__version__",
+    "carry",
+    "component_sizes",
+    "cut_phases",
+    "cut_solid",
+    "gaussian",
+    "label",
+    "novelty",
+    "ranks_by_phase",
+    "signed_distance",
+    "synthesize",
+    "two_point",
+]
+
 __version__: str
 
 @final

@@ -131,7 +131,7 @@ def foam(
 
     Notes
     -----
-    Peak memory: about 25 bytes per voxel.
+    Peak memory: about 30 bytes per voxel.
     """
     parameters = {"porosity": porosity, "cell": cell}
     shape = _check(shape, porosity, seed)
@@ -193,7 +193,7 @@ def spheres(
 
     Notes
     -----
-    Peak memory: about 20 bytes per voxel.
+    Peak memory: about 22 bytes per voxel.
     """
     parameters = {"porosity": porosity, "radius": radius}
     shape = _check(shape, porosity, seed)

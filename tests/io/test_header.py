@@ -47,6 +47,13 @@ def test_the_file_alone_is_enough(suffix: str, tmp_path: Path) -> None:
     assert (found.voxel_size, found.unit) == ((1 / 3,) * 3, "µm")
 
 
+def test_units_are_spelled_one_way(tmp_path: Path) -> None:
+    for suffix in (".tif", ".npy", ".npz", ".zarr"):
+        poresynth.write(tmp_path / f"new{suffix}", Volume(VOXELS, 1 / 3, "um"))
+        found = poresynth.read(tmp_path / f"new{suffix}")
+        assert (found.voxel_size, found.unit) == ((1 / 3,) * 3, "µm")
+
+
 def test_a_sidecar_that_no_longer_holds_goes(tmp_path: Path) -> None:
     poresynth.write(tmp_path / "new.npy", synthetic())
     poresynth.write(tmp_path / "new.npy", VOXELS)

@@ -187,6 +187,8 @@ def test_scales_of_others(tmp_path: Path) -> None:
     ome = {"axes": "ZYX", "PhysicalSizeX": 0.5}
     check((0.5, 0.5, 0.5), "mm", ome=True, metadata={**ome, "PhysicalSizeXUnit": "mm"})
     check((0.5, 0.5, 0.5), "µm", ome=True, metadata=ome)
+    mixed = {"PhysicalSizeZ": 0.003, "PhysicalSizeZUnit": "mm", "PhysicalSizeY": 2.0}
+    check((3, 2, 0.5), "µm", ome=True, metadata={**ome, **mixed})
     # tifffile's own metadata; the resolution is per centimetre here.
     options = {"resolution": (10000 / 39, 10000 / 39), "resolutionunit": "CENTIMETER"}
     check((39, 39, 39), "µm", metadata={"spacing": 39.0, "unit": "um"}, **options)

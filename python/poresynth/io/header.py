@@ -15,7 +15,7 @@ import numpy as np
 
 from poresynth.errors import ParameterError
 from poresynth.io.format import Content
-from poresynth.io.units import NANOMETRES, convert
+from poresynth.io.units import NANOMETRES, convert, spell
 from poresynth.volume import Volume
 
 __all__ = ["decode", "encode", "make", "read_sidecar", "restore", "sidecar_path"]
@@ -45,7 +45,7 @@ def make(volume: Volume) -> dict[str, Any]:
         "shape": list(volume.array.shape),
         "dtype": volume.dtype.name,
         "voxel_size": list(volume.voxel_size),
-        "unit": volume.unit,
+        "unit": spell(volume.unit),
         "poresynth": provenance,
     }
 

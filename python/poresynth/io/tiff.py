@@ -106,13 +106,7 @@ def _check_complete(file: tifffile.TiffFile) -> None:
 def _scale(file: tifffile.TiffFile) -> tuple[tuple[float, float, float], str]:
     """Return voxel size and unit, where a program of the field wrote them."""
     if file.is_ome:
-        pixels = _ome(file, "Pixels")
-        assert pixels is not None
-        x = float(pixels.get("PhysicalSizeX", 1))
-        y, z = float(pixels.get("PhysicalSizeY", x)), float(pixels.get("PhysicalSizeZ", x))
-        if "PhysicalSizeX" not in pixels.attrib:
-            return (1.0, 1.0, 1.0), "voxel"
-        return (z, y, x), spell(pixels.get("PhysicalSizeXUnit", "µm"))
+        return _ome_scale(_ome(file, "Pixels"))
     if file.is_imagej:
         fields: dict[str, Any] = file.imagej_metadata or {}
         # ImageJ leaves a spacing of 1 out; an image has none.
@@ -127,6 +121,24 @@ def _scale(file: tifffile.TiffFile) -> tuple[tuple[float, float, float], str]:
     if unit == "voxel" and spacing is None:
         return (1.0, 1.0, 1.0), unit
     return (abs(float(spacing)) if spacing else x, y, x), unit
+
+
+def _ome_scale(
+    pixels: ElementTree.Element | None,
+) -> tuple[tuple[float, float, float], str]:
+    """Return voxel size and unit of OME-XML, where each axis may have a unit of its own."""
+    if pixels is None or "PhysicalSizeX" not in pixels.attrib:
+        return (1.0, 1.0, 1.0), "voxel"
+    unit = spell(pixels.get("PhysicalSizeXUnit", "µm"))
+    sizes = [float(pixels.attrib["PhysicalSizeX"])] * 3
+    for i, axis in enumerate("ZY"):
+        if f"PhysicalSize{axis}" in pixels.attrib:
+            sizes[i] = float(pixels.attrib[f"PhysicalSize{axis}"])
+            own = spell(pixels.get(f"PhysicalSize{axis}Unit", "µm"))
+            if own in NANOMETRES and unit in NANOMETRES:
+                sizes[i] = convert((sizes[i],) * 3, own, unit)[0]
+    z, y, x = sizes
+    return (z, y, x), unit
 
 
 def _edge(page: Any, tag: str, unit: str) -> float:

@@ -170,8 +170,9 @@ def gradient_ratio(exemplar: Volume | npt.ArrayLike, volume: Volume | npt.ArrayL
     -----
     Peak memory: 12 bytes per voxel of one plane.
     """
-    own = mean_gradient(as_scalar_volume(exemplar, "exemplar"))
-    return mean_gradient(volume) / own if own else float("nan")
+    e, v = as_scalar_volume(exemplar, "exemplar"), as_scalar_volume(volume, "volume")
+    own = mean_gradient(e)
+    return mean_gradient(v) / own if own else float("nan")
 
 
 def seam(exemplar: Volume | npt.ArrayLike, volume: Volume | npt.ArrayLike) -> float:
