@@ -56,7 +56,7 @@ def synthesize(
     engine: str | None = None,
     preset: str | None = None,
     seed: int | None = None,
-    periodic: bool | None = None,
+    periodic: Annotated[bool | None, Parameter(negative="--open")] = None,
     porosity: float | None = None,
     threshold: float | None = None,
     solid: Solid | None = None,
@@ -76,9 +76,9 @@ def synthesize(
     Beside the volume lies a .json file with all that made it; given back as `--config`, it repeats
     the run.
 
-        poresynth synthesize bone.tif -o new.tif --shape 200 200 200 --seed 1 --report out
+        poresynth synthesize bone.tif -o new.tif --shape 200 200 200 --report out
 
-        poresynth synthesize bone.tif -o tile.tif --shape 128 128 128 --periodic --preset fast
+        poresynth synthesize bone.tif -o tile.tif --shape 128 128 128 --periodic
 
         poresynth synthesize -o again.tif --config new.tif.json
 
@@ -97,7 +97,7 @@ def synthesize(
     seed
         Another seed gives another volume. [default: 0]
     periodic
-        The new volume tiles without a seam.
+        The new volume tiles without a seam. [default: open]
     porosity
         Wanted porosity, 0 to 1. [default: the exemplar's own]
     threshold
@@ -126,7 +126,7 @@ def synthesize(
         "shape": shape,
         "engine": engine,
         "seed": seed,
-        "boundary": "periodic" if periodic else None,
+        "boundary": None if periodic is None else "periodic" if periodic else "open",
         "porosity": porosity,
         "mask": _text(mask),
         "known": _text(known),
