@@ -30,9 +30,11 @@ PYTHON_ARROWS = {
     "compare": GROUND | {"_core", "preprocess", "metrics"},
     "report": GROUND | {"io", "preprocess", "metrics", "compare"},
     "config": {"errors", "engines"},
-    "cli": GROUND
-    | {"io", "preprocess", "exemplars", "engines", "metrics", "compare", "resources"}
+    "workflow": GROUND
+    | {"io", "preprocess", "engines", "metrics", "compare", "resources"}
     | {"report", "config", "console"},
+    "cli": {"errors", "io", "preprocess", "exemplars", "metrics", "report", "config"}
+    | {"console", "workflow"},
     "__main__": {"cli"},
 }
 # Modules that may import torch: the neural engines.

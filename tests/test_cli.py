@@ -162,15 +162,17 @@ def test_settings_may_follow_one_another_or_be_repeated(example: Path, folder: P
 
 def test_the_command_line_wins_over_the_file(example: Path, folder: Path) -> None:
     Path("run.toml").write_text(
-        f'exemplar = "{example}"\nshape = [20, 18, 16]\nseed = 1\n'
+        f'exemplar = "{example}"\nshape = [20, 18, 16]\nseed = 1\nboundary = "periodic"\n'
         "[parameters]\nlevels = 2\nwindows = [4]\niterations = 2\nblock = 4\n"
     )
     run("synthesize", "-o", "one.tif", "--config", "run.toml")
     run("synthesize", "-o", "two.tif", "--config", "run.toml", "--seed", 2)
     one, two = io.read("one.tif").array, io.read("two.tif").array
     assert not np.array_equal(one, two)
-    np.testing.assert_array_equal(synthesize(example, "--seed", 1), one)
-    np.testing.assert_array_equal(synthesize(example, "--seed", 2), two)
+    np.testing.assert_array_equal(synthesize(example, "--seed", 1, "--periodic"), one)
+    np.testing.assert_array_equal(synthesize(example, "--seed", 2, "--periodic"), two)
+    run("synthesize", "-o", "open.tif", "--config", "run.toml", "--open")
+    np.testing.assert_array_equal(synthesize(example, "--seed", 1), io.read("open.tif").array)
 
 
 def test_known_voxels_stay(example: Path, folder: Path) -> None:

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, Group, Parameter
 from pydantic import ValidationError
 
-from poresynth import config, console
+from poresynth import config, console, workflow
 from poresynth.config import InputConfig, ReadConfig, RunConfig
-from poresynth.errors import ParameterError, PoresynthError
-
-if TYPE_CHECKING:
-    from poresynth.compare import Comparison
-    from poresynth.engines.base import SynthesizedVolume
-    from poresynth.volume import Volume
+from poresynth.errors import PoresynthError
 
 __all__ = ["main"]
 
@@ -64,7 +56,7 @@ def synthesize(
     engine: str | None = None,
     preset: str | None = None,
     seed: int | None = None,
-    periodic: bool | None = None,
+    periodic: Annotated[bool | None, Parameter(negative="--open")] = None,
     porosity: float | None = None,
     threshold: float | None = None,
     solid: Solid | None = None,
@@ -84,9 +76,9 @@ def synthesize(
     Beside the volume lies a .json file with all that made it; given back as `--config`, it repeats
     the run.
 
-        poresynth synthesize bone.tif -o new.tif --shape 200 200 200 --seed 1 --report out
+        poresynth synthesize bone.tif -o new.tif --shape 200 200 200 --report out
 
-        poresynth synthesize bone.tif -o tile.tif --shape 128 128 128 --periodic --preset fast
+        poresynth synthesize bone.tif -o tile.tif --shape 128 128 128 --periodic
 
         poresynth synthesize -o again.tif --config new.tif.json
 
@@ -105,7 +97,7 @@ def synthesize(
     seed
         Another seed gives another volume. [default: 0]
     periodic
-        The new volume tiles without a seam.
+        The new volume tiles without a seam. [default: open]
     porosity
         Wanted porosity, 0 to 1. [default: the exemplar's own]
     threshold
@@ -134,7 +126,7 @@ def synthesize(
         "shape": shape,
         "engine": engine,
         "seed": seed,
-        "boundary": "periodic" if periodic else None,
+        "boundary": None if periodic is None else "periodic" if periodic else "open",
         "porosity": porosity,
         "mask": _text(mask),
         "known": _text(known),
@@ -146,7 +138,7 @@ def synthesize(
     if exemplar is not None:
         saved.pop("exemplar_sha256", None)
     run = config.merge(saved, config.parse_settings(settings or ()), _given(given))
-    _run(config.validate(run), output, threads, report)
+    workflow.synthesize(config.validate(run), output, threads, report)
 
 
 @app.command
@@ -192,14 +184,14 @@ def compare(
     """
     from poresynth.report import write_report
 
-    with ExitStack() as stack:
-        _reserve_json(stack, json_file)
-        _reserve_report(stack, report)
-        original, new = _read_exemplar(exemplar, source or InputConfig()), _read(volume)
-        comparison = _compare(original, new, threshold, solid, seed, threads)
-        _print_comparison(comparison)
+    with workflow.reserve(report=report, json_file=json_file):
+        original = workflow.read_exemplar(exemplar, source or InputConfig())
+        new = workflow.read(volume)
+        comparison = workflow.compare(
+            original, new, threshold=threshold, solid=solid, seed=seed, threads=threads
+        )
         if json_file is not None:
-            _write_json(json_file, comparison.to_dict())
+            workflow.write_json(json_file, comparison.to_dict())
         if report is not None:
             origin = new.metadata.get("poresynth", {})
             page = write_report(
@@ -241,18 +233,17 @@ def measure(
         How the volume is read.
     """
     from poresynth import metrics
-    from poresynth.report.html import format_number
+    from poresynth.report.words import number
 
-    with ExitStack() as stack:
-        _reserve_json(stack, json_file)
-        found = metrics.measure(_read(volume, source), threshold=threshold, solid=solid)
+    with workflow.reserve(json_file=json_file):
+        found = metrics.measure(workflow.read(volume, source), threshold=threshold, solid=solid)
         rows = [
-            (name, format_number(found[name]), metric.unit, metric.description)
+            (name, number(found[name]), metric.unit, metric.description)
             for name, metric in metrics.METRICS.items()
         ]
         console.figures(str(volume), rows, ("figure", "value", "unit", "what it says"))
         if json_file is not None:
-            _write_json(json_file, found)
+            workflow.write_json(json_file, found)
 
 
 @app.command
@@ -278,8 +269,8 @@ def crop(
     source
         How the volume is read.
     """
-    with _reserved(output):
-        _write(output, _crop(_read(volume, source), (z, y, x)))
+    with workflow.reserve(output):
+        workflow.write(output, workflow.crop(workflow.read(volume, source), (z, y, x)))
 
 
 @app.command
@@ -312,8 +303,10 @@ def downsample(
     """
     from poresynth import preprocess
 
-    with _reserved(output):
-        _write(output, preprocess.downsample(_read(volume, source), factor, labels=labels))
+    with workflow.reserve(output):
+        workflow.write(
+            output, preprocess.downsample(workflow.read(volume, source), factor, labels=labels)
+        )
 
 
 @app.command
@@ -345,11 +338,11 @@ def threshold(
     """
     from poresynth import preprocess
 
-    with _reserved(output):
-        gray = _read(volume, source)
+    with workflow.reserve(output):
+        gray = workflow.read(volume, source)
         cut = preprocess.threshold(gray, value)
         binary = preprocess.binarize(gray, cut, solid)
-        _write(output, gray.with_array(binary))
+        workflow.write(output, gray.with_array(binary))
         console.result(f"threshold: {cut:g}")
         console.result(f"porosity: {1 - binary.mean():.4f}")
 
@@ -372,11 +365,10 @@ def demo(*, output: Output = Path("demo"), threads: Threads = 0) -> None:
     from poresynth import exemplars, io
 
     exemplar = output / "exemplar.tif"
-    with ExitStack() as stack:
-        _reserve_report(stack, output)
+    with workflow.reserve(report=output):
         io.write(exemplar, exemplars.spinodal(DEMO_EXEMPLAR, porosity=0.7, seed=1))
     run = RunConfig(exemplar=str(exemplar), shape=DEMO_SHAPE, seed=1)
-    _run(run, output / "new.tif", threads, output)
+    workflow.synthesize(run, output / "new.tif", threads, output)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -427,212 +419,3 @@ def _given(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _text(path: Path | None) -> str | None:
     return None if path is None else str(path)
-
-
-def _run(run: RunConfig, output: Path, threads: int, report: Path | None) -> None:
-    """Synthesise, write, and report if wanted."""
-    import numpy as np
-
-    from poresynth import io
-    from poresynth.engines import get_engine
-    from poresynth.resources import available_memory, check_memory, format_bytes
-
-    if run.version not in (None, _version()):
-        console.note(
-            f"the configuration was saved by version {run.version}; this is {_version()}, "
-            "which may give other voxels"
-        )
-    with ExitStack() as stack:
-        stack.enter_context(_reserved(output))
-        _reserve_report(stack, report)
-        exemplar = _read_exemplar(Path(run.exemplar), run.input)
-        digest = hashlib.sha256(np.ascontiguousarray(exemplar.array).data).hexdigest()
-        if run.exemplar_sha256 not in (None, digest):
-            raise ParameterError(
-                "exemplar",
-                run.exemplar,
-                "is not the one of the saved run any more (its sha256 differs); name it on the "
-                "command line to use it all the same",
-            )
-        known, known_mask, mask = (
-            None if path is None else _read(Path(path)).array
-            for path in (run.known, run.known_mask, run.mask)
-        )
-        engine = get_engine(run.engine)(**run.parameters).fit(exemplar)
-        needed, free = engine.estimate_memory(run.shape), available_memory()
-        check_memory(needed, f"shape {' '.join(map(str, run.shape))}")
-        console.note(
-            f"needs about {format_bytes(needed)} of memory"
-            + ("" if free is None else f"; {format_bytes(free)} is available")
-        )
-        with console.progress("synthesis") as progress:
-            volume = engine.sample(
-                run.shape,
-                seed=run.seed,
-                boundary=run.boundary,
-                porosity=run.porosity,
-                known=known,
-                known_mask=None if known_mask is None else known_mask != 0,
-                mask=None if mask is None else mask != 0,
-                threads=threads,
-                progress=progress,
-            )
-        origin = volume.metadata["poresynth"]
-        origin["configuration"] = run.saved(digest)
-        origin["command"] = run.command(output)
-        io.write(output, volume)
-        console.result(f"new volume: {output}")
-        if report is None:
-            _print_copying(exemplar, volume, threads)
-        else:
-            _report(report, exemplar, volume, threads)
-
-
-def _print_copying(exemplar: Volume, volume: SynthesizedVolume, threads: int) -> None:
-    """Print how much is verbatim: no result goes without it."""
-    from poresynth.metrics import novelty
-    from poresynth.metrics.copying import EDGES
-    from poresynth.metrics.structure import first_channel
-    from poresynth.report.html import format_number
-
-    copying = volume.metadata["poresynth"]["copying"]
-    rows = [(name, format_number(value)) for name, value in copying.items()]
-    arrays = first_channel(exemplar, "exemplar"), first_channel(volume, "volume")
-    for edge in EDGES:
-        found = novelty(*arrays, edge, threads=threads)
-        rows.append((f"novelty_{edge}", format_number(found.plain)))
-        rows.append((f"novelty_{edge}_mirrors", format_number(found.mirrored)))
-    title = "How new it is (novelty 0: a copy, 1: as different as two halves of the exemplar)"
-    console.figures(title, rows, ("figure", "new volume"))
-
-
-def _report(report: Path, exemplar: Volume, volume: SynthesizedVolume, threads: int) -> None:
-    from poresynth.report import write_report
-
-    origin = volume.metadata["poresynth"]
-    cut = origin["exemplar"]
-    comparison = _compare(exemplar, volume, cut["threshold"], cut["solid"], 0, threads)
-    _print_comparison(comparison)
-    page = write_report(
-        report,
-        exemplar,
-        volume,
-        comparison,
-        energy=volume.energy,
-        configuration=origin["configuration"],
-        command=origin["command"],
-    )
-    console.result(f"report: {page}")
-
-
-def _compare(
-    exemplar: Volume,
-    volume: Volume,
-    threshold: float | None,
-    solid: Solid,
-    seed: int,
-    threads: int,
-) -> Comparison:
-    from poresynth.compare import compare
-
-    with console.progress("comparison") as progress:
-        return compare(
-            exemplar,
-            volume,
-            threshold=threshold,
-            solid=solid,
-            seed=seed,
-            threads=threads,
-            progress=progress,
-        )
-
-
-def _print_comparison(comparison: Comparison) -> None:
-    from poresynth.report.html import format_number
-
-    rows = []
-    for figure in comparison.figures.values():
-        unit = f" {figure.unit}" if figure.unit else ""
-        spread = [format_number(n) for n in (figure.low, figure.high) if n is not None]
-        rows.append(
-            (
-                figure.name,
-                format_number(figure.value) + unit,
-                format_number(figure.exemplar),
-                " to ".join(spread),
-                figure.mark,
-            )
-        )
-    header = ("figure", "new volume", "exemplar", "its range", "mark")
-    console.figures("The new volume beside its exemplar", rows, header)
-
-
-def _read(path: Path, source: ReadConfig | None = None) -> Volume:
-    from poresynth import io
-
-    return io.read(path, **({} if source is None else source.options()))
-
-
-def _read_exemplar(path: Path, source: InputConfig) -> Volume:
-    from poresynth import preprocess
-
-    volume = _read(path, source)
-    if source.crop is not None:
-        volume = _crop(volume, source.crop)
-    return preprocess.downsample(volume, source.downsample) if source.downsample > 1 else volume
-
-
-def _crop(volume: Volume, ranges: tuple[str, str, str]) -> Volume:
-    from poresynth import preprocess
-
-    limits = []
-    for axis, text, edge in zip("zyx", ranges, volume.shape, strict=True):
-        first, colon, last = text.partition(":")
-        try:
-            start, stop = int(first or 0), int(last or edge)
-        except ValueError:
-            colon = ""
-        if not colon or not 0 <= start < stop <= edge:
-            raise ParameterError(f"crop {axis}", text, f"must be start:stop within 0:{edge}")
-        limits.append((start, stop))
-    return preprocess.crop(volume, [a for a, _ in limits], [b - a for a, b in limits])
-
-
-@contextmanager
-def _reserved(output: Path) -> Iterator[None]:
-    """Hold an output from the beginning: what would fail at the end fails here."""
-    from poresynth import io
-    from poresynth.io import atomic
-
-    io.check_output(output)
-    with atomic.claim(output):
-        yield
-
-
-def _reserve_report(stack: ExitStack, directory: Path | None) -> None:
-    from poresynth.report import reserved
-
-    if directory is not None:
-        stack.enter_context(reserved(directory))
-
-
-def _reserve_json(stack: ExitStack, path: Path | None) -> None:
-    from poresynth.io import atomic
-
-    if path is not None:
-        atomic.check_writable(path)
-        stack.enter_context(atomic.claim(path))
-
-
-def _write(output: Path, volume: Volume) -> None:
-    from poresynth import io
-
-    io.write(output, volume)
-    console.result(f"{output}: {' × '.join(map(str, volume.shape))} voxels")
-
-
-def _write_json(path: Path, document: Mapping[str, Any]) -> None:
-    from poresynth.io import atomic
-
-    with atomic.output(path) as (temporary,):
-        temporary.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")

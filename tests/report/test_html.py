@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from types import SimpleNamespace
-
-import pytest
 
 from poresynth.report import html
 
@@ -61,22 +58,3 @@ def test_pictures_of_a_row_share_the_scale() -> None:
     # The bar is as long in both: half of the one, a sixth of the other.
     assert "width:50.000%" in text
     assert "width:16.667%" in text
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (None, "–"),
-        (math.nan, "–"),
-        (math.inf, "∞"),
-        (0, "0"),
-        (1.0, "1"),
-        (1234567, "1 234 567"),
-        (0.81234, "0.8123"),
-        (-412.5, "-412.5"),
-        (0.0000123, "1.23e-05"),
-        (1.5e9, "1.50e+09"),
-    ],
-)
-def test_numbers_are_written_for_people(value: float | None, text: str) -> None:
-    assert html.format_number(value) == text

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import base64
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 from typing import Any
 
-from poresynth.report.words import explain
+from poresynth.report.words import explain, number
 
-__all__ = ["Picture", "Section", "chart", "code", "figures_table", "format_number", "page", "pairs"]
+__all__ = ["Picture", "Section", "chart", "code", "figures_table", "page", "pairs"]
 
 # Words and signs, so that a mark is understood without its colour.
 MARKS = {"pass": "✓ pass", "near": "≈ near", "off": "✗ off", "info": "–"}
@@ -141,9 +140,9 @@ def _row(figure: Any) -> str:
     spread = (
         "–"
         if figure.low is None or figure.high is None
-        else f"{format_number(figure.low)} to {format_number(figure.high)}"
+        else f"{number(figure.low)} to {number(figure.high)}"
     )
-    cells = (format_number(figure.value) + unit, format_number(figure.exemplar), spread)
+    cells = (number(figure.value) + unit, number(figure.exemplar), spread)
     numbers = "".join(f'<td class="number">{escape(cell)}</td>' for cell in cells)
     label, question = explain(figure.name)
     return (
@@ -151,17 +150,6 @@ def _row(figure: Any) -> str:
         f'<td class="mark {figure.mark}">{MARKS[figure.mark]}</td>'
         f'<td class="says"><b>{escape(question)}</b> {escape(figure.description)}</td></tr>'
     )
-
-
-def format_number(value: float | None) -> str:
-    """Write a number with four figures, as a person would."""
-    if value is None or math.isnan(value):
-        return "–"
-    if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    if float(value).is_integer() and abs(value) < 1e9:
-        return f"{int(value):,}".replace(",", " ")
-    return f"{value:.4g}" if 1e-3 <= abs(value) < 1e6 else f"{value:.2e}"
 
 
 def pairs(rows: Iterable[Sequence[Picture]], bar: tuple[float, str] | None, css: str = "") -> str:

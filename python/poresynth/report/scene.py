@@ -31,7 +31,7 @@ LARGEST_EDGE = 256
 # Smoothing in voxels: hides the staircase, keeps struts of two voxels.
 SMOOTHING = 0.8
 # Lights in the frame of the picture: azimuth from up, towards the right; altitude; strength.
-LIGHTS = ((-50.0, 40.0, 0.75), (70.0, 20.0, 0.15))
+LIGHTS = ((-50.0, 40.0, 0.75), (70.0, 20.0, 0.25))
 AMBIENT = 0.30
 # How much darker it is deep inside a pore, and how wide a pore is open to light, in voxels.
 OCCLUSION = 0.65

@@ -1,10 +1,11 @@
-"""What the figures of a comparison mean, for people who do not live by them."""
+"""Figures in words and in figures, for people who do not live by them."""
 
 from __future__ import annotations
 
+import math
 import re
 
-__all__ = ["explain"]
+__all__ = ["explain", "number"]
 
 # Label and question that the figure answers, by the figure's name.
 WORDS = {
@@ -65,3 +66,14 @@ def explain(name: str) -> tuple[str, str]:
         if match := re.fullmatch(pattern, name):
             return label.format(match[1]), question
     return name.replace("_", " "), ""
+
+
+def number(value: float | None) -> str:
+    """Write a number with four figures, as a person would."""
+    if value is None or math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if float(value).is_integer() and abs(value) < 1e9:
+        return f"{int(value):,}".replace(",", " ")
+    return f"{value:.4g}" if 1e-3 <= abs(value) < 1e6 else f"{value:.2e}"

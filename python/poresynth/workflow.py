@@ -1,0 +1,299 @@
+"""What the commands do, from the files that they read to the files that they leave."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from poresynth import console
+from poresynth.errors import ParameterError
+
+if TYPE_CHECKING:
+    from poresynth.compare import Comparison
+    from poresynth.config import InputConfig, ReadConfig, RunConfig
+    from poresynth.engines.base import SynthesizedVolume
+    from poresynth.volume import Volume
+
+__all__ = [
+    "compare",
+    "crop",
+    "read",
+    "read_exemplar",
+    "reserve",
+    "synthesize",
+    "write",
+    "write_json",
+]
+
+
+@contextmanager
+def reserve(
+    output: Path | None = None, *, report: Path | None = None, json_file: Path | None = None
+) -> Iterator[None]:
+    """Hold the outputs from the beginning: what would fail at the end fails here.
+
+    Parameters
+    ----------
+    output : Path, optional
+        A volume.
+    report : Path, optional
+        The folder of a report.
+    json_file : Path, optional
+        A file for figures.
+
+    Raises
+    ------
+    FileError
+        If one of them cannot be written, or another process is writing there.
+    """
+    from poresynth import io
+    from poresynth.report import reserved
+
+    with ExitStack() as stack:
+        if output is not None:
+            io.check_output(output)
+            stack.enter_context(io.claim(output))
+        if json_file is not None:
+            io.check_writable(json_file)
+            stack.enter_context(io.claim(json_file))
+        if report is not None:
+            stack.enter_context(reserved(report))
+        yield
+
+
+def synthesize(run: RunConfig, output: Path, threads: int, report: Path | None) -> None:
+    """Make a volume, write it with all that made it, and say how new it is.
+
+    Parameters
+    ----------
+    run : RunConfig
+        What decides the result.
+    output : Path
+        The new volume.
+    threads : int
+        Number of threads; 0 takes all cores.
+    report : Path, optional
+        Folder for a report.
+
+    Raises
+    ------
+    PoresynthError
+        If anything is wrong with the run; no output is then left.
+    """
+    from poresynth import io
+
+    with reserve(output, report=report):
+        exemplar = read_exemplar(Path(run.exemplar), run.input)
+        digest = _check_repetition(run, exemplar)
+        volume = _sample(run, exemplar, threads)
+        origin = volume.metadata["poresynth"]
+        origin["configuration"] = run.saved(digest)
+        origin["command"] = run.command(output)
+        io.write(output, volume)
+        console.result(f"new volume: {output}")
+        if report is None:
+            _print_copying(exemplar, volume, threads)
+        else:
+            _report(report, exemplar, volume, threads)
+
+
+def _check_repetition(run: RunConfig, exemplar: Volume) -> str:
+    """Return the exemplar's hash; a saved run must have the same, and should the version."""
+    import numpy as np
+
+    from poresynth import __version__
+
+    if run.version not in (None, __version__):
+        console.note(
+            f"the configuration was saved by version {run.version}; this is {__version__}, "
+            "which may give other voxels"
+        )
+    digest = hashlib.sha256(np.ascontiguousarray(exemplar.array).data).hexdigest()
+    if run.exemplar_sha256 not in (None, digest):
+        raise ParameterError(
+            "exemplar",
+            run.exemplar,
+            "is not the one of the saved run any more (its sha256 differs); name it on the "
+            "command line to use it all the same",
+        )
+    return digest
+
+
+def _sample(run: RunConfig, exemplar: Volume, threads: int) -> SynthesizedVolume:
+    from poresynth.engines import get_engine
+    from poresynth.resources import available_memory, check_memory, format_bytes
+
+    known, known_mask, mask = (
+        None if path is None else read(Path(path)).array
+        for path in (run.known, run.known_mask, run.mask)
+    )
+    engine = get_engine(run.engine)(**run.parameters).fit(exemplar)
+    needed, free = engine.estimate_memory(run.shape), available_memory()
+    check_memory(needed, f"shape {' '.join(map(str, run.shape))}")
+    console.note(
+        f"needs about {format_bytes(needed)} of memory"
+        + ("" if free is None else f"; {format_bytes(free)} is available")
+    )
+    with console.progress("synthesis") as progress:
+        return engine.sample(
+            run.shape,
+            seed=run.seed,
+            boundary=run.boundary,
+            porosity=run.porosity,
+            known=known,
+            known_mask=None if known_mask is None else known_mask != 0,
+            mask=None if mask is None else mask != 0,
+            threads=threads,
+            progress=progress,
+        )
+
+
+def _print_copying(exemplar: Volume, volume: SynthesizedVolume, threads: int) -> None:
+    """Print how much is verbatim: no result goes without it."""
+    from poresynth.metrics import novelty
+    from poresynth.metrics.copying import EDGES
+    from poresynth.metrics.structure import first_channel
+    from poresynth.report.words import number
+
+    copying = volume.metadata["poresynth"]["copying"]
+    rows = [(name, number(value)) for name, value in copying.items()]
+    arrays = first_channel(exemplar, "exemplar"), first_channel(volume, "volume")
+    for edge in EDGES:
+        found = novelty(*arrays, edge, threads=threads)
+        rows.append((f"novelty_{edge}", number(found.plain)))
+        rows.append((f"novelty_{edge}_mirrors", number(found.mirrored)))
+    title = "How new it is (novelty 0: a copy, 1: as different as two halves of the exemplar)"
+    console.figures(title, rows, ("figure", "new volume"))
+
+
+def _report(report: Path, exemplar: Volume, volume: SynthesizedVolume, threads: int) -> None:
+    from poresynth.report import write_report
+
+    origin = volume.metadata["poresynth"]
+    cut = origin["exemplar"]
+    comparison = compare(
+        exemplar, volume, threshold=cut["threshold"], solid=cut["solid"], threads=threads
+    )
+    page = write_report(
+        report,
+        exemplar,
+        volume,
+        comparison,
+        energy=volume.energy,
+        configuration=origin["configuration"],
+        command=origin["command"],
+    )
+    console.result(f"report: {page}")
+
+
+def compare(
+    exemplar: Volume,
+    volume: Volume,
+    *,
+    threshold: float | None,
+    solid: Literal["bright", "dark"],
+    seed: int = 0,
+    threads: int = 0,
+) -> Comparison:
+    """Compare two volumes and print the figures; parameters as of `poresynth.compare`."""
+    import poresynth
+    from poresynth.report.words import number
+
+    with console.progress("comparison") as progress:
+        comparison = poresynth.compare(
+            exemplar,
+            volume,
+            threshold=threshold,
+            solid=solid,
+            seed=seed,
+            threads=threads,
+            progress=progress,
+        )
+    rows = []
+    for figure in comparison.figures.values():
+        unit = f" {figure.unit}" if figure.unit else ""
+        spread = [number(n) for n in (figure.low, figure.high) if n is not None]
+        rows.append(
+            (
+                figure.name,
+                number(figure.value) + unit,
+                number(figure.exemplar),
+                " to ".join(spread),
+                figure.mark,
+            )
+        )
+    header = ("figure", "new volume", "exemplar", "its range", "mark")
+    console.figures("The new volume beside its exemplar", rows, header)
+    return comparison
+
+
+def read(path: Path, source: ReadConfig | None = None) -> Volume:
+    """Read a volume as the command line asks for it."""
+    from poresynth import io
+
+    return io.read(path, **({} if source is None else source.options()))
+
+
+def read_exemplar(path: Path, source: InputConfig) -> Volume:
+    """Read an exemplar, cropped and reduced as the command line asks for it."""
+    from poresynth import preprocess
+
+    volume = read(path, source)
+    if source.crop is not None:
+        volume = crop(volume, source.crop)
+    return preprocess.downsample(volume, source.downsample) if source.downsample > 1 else volume
+
+
+def crop(volume: Volume, ranges: tuple[str, str, str]) -> Volume:
+    """Cut a part out of a volume.
+
+    Parameters
+    ----------
+    volume : Volume
+        The volume.
+    ranges : (str, str, str)
+        ``"start:stop"`` along (z, y, x); an empty side means the border.
+
+    Returns
+    -------
+    Volume
+        A view.
+
+    Raises
+    ------
+    ParameterError
+        If a range is something else or reaches beyond the volume.
+    """
+    from poresynth import preprocess
+
+    limits = []
+    for axis, text, edge in zip("zyx", ranges, volume.shape, strict=True):
+        first, colon, last = text.partition(":")
+        try:
+            start, stop = int(first or 0), int(last or edge)
+        except ValueError:
+            colon = ""
+        if not colon or not 0 <= start < stop <= edge:
+            raise ParameterError(f"crop {axis}", text, f"must be start:stop within 0:{edge}")
+        limits.append((start, stop))
+    return preprocess.crop(volume, [a for a, _ in limits], [b - a for a, b in limits])
+
+
+def write(output: Path, volume: Volume) -> None:
+    """Write a volume and say so."""
+    from poresynth import io
+
+    io.write(output, volume)
+    console.result(f"{output}: {' × '.join(map(str, volume.shape))} voxels")
+
+
+def write_json(path: Path, document: Mapping[str, Any]) -> None:
+    """Write figures, whole or not at all."""
+    from poresynth import io
+
+    with io.output(path) as (temporary,):
+        temporary.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
