@@ -27,11 +27,11 @@ PYTHON_ARROWS = {
     "exemplars": GROUND | {"_core"},
     "metrics": GROUND | {"_core", "preprocess"},
     "engines": GROUND | {"_core", "io", "preprocess", "metrics", "resources"},
-    "compare": GROUND | {"_core", "preprocess", "metrics"},
-    "report": GROUND | {"io", "preprocess", "metrics", "compare"},
+    "comparison": GROUND | {"_core", "preprocess", "metrics"},
+    "report": GROUND | {"io", "preprocess", "metrics", "comparison"},
     "config": {"errors", "engines"},
     "workflow": GROUND
-    | {"io", "preprocess", "engines", "metrics", "compare", "resources"}
+    | {"io", "preprocess", "engines", "metrics", "comparison", "resources"}
     | {"report", "config", "console"},
     "cli": {"errors", "io", "preprocess", "exemplars", "metrics", "report", "config"}
     | {"console", "workflow"},

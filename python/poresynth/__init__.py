@@ -6,7 +6,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from poresynth.compare import compare
+    from poresynth.comparison import compare
     from poresynth.engines.volume_texture import VolumeTexture
     from poresynth.errors import PoresynthError
     from poresynth.io import read, write
@@ -22,7 +22,7 @@ _HOME = {
     "VolumeTexture": "poresynth.engines.volume_texture",
     "__version__": "poresynth._core",
     "binarize": "poresynth.preprocess",
-    "compare": "poresynth.compare",
+    "compare": "poresynth.comparison",
     "crop": "poresynth.preprocess",
     "downsample": "poresynth.preprocess",
     "read": "poresynth.io",

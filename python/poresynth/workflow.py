@@ -13,7 +13,7 @@ from poresynth import console
 from poresynth.errors import ParameterError
 
 if TYPE_CHECKING:
-    from poresynth.compare import Comparison
+    from poresynth.comparison import Comparison
     from poresynth.config import InputConfig, ReadConfig, RunConfig
     from poresynth.engines.base import SynthesizedVolume
     from poresynth.volume import Volume

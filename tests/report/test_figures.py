@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from poresynth.compare import Curve, Histogram
+from poresynth.comparison import Curve, Histogram
 from poresynth.report import figures
 
 R = list(range(11))

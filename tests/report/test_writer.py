@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from poresynth.compare import Comparison, compare
+from poresynth.comparison import Comparison, compare
 from poresynth.engines.base import EnergyRecord
 from poresynth.errors import FileError
 from poresynth.exemplars import spinodal

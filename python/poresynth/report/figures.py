@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 if TYPE_CHECKING:
-    from poresynth.compare import Curve, Histogram
+    from poresynth.comparison import Curve, Histogram
 
 __all__ = ["DARK", "LIGHT", "Theme", "draw", "energy", "histogram", "novelty", "two_point"]
 

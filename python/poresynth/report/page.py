@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from poresynth.compare import Comparison
+    from poresynth.comparison import Comparison
     from poresynth.report.figures import Theme
 
 __all__ = ["render"]

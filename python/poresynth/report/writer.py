@@ -19,7 +19,7 @@ from poresynth.volume import Volume, as_volume
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from poresynth.compare import Comparison
+    from poresynth.comparison import Comparison
 
 __all__ = ["reserved", "write_report"]
 

@@ -15,7 +15,7 @@ from scipy import ndimage
 
 import poresynth
 from poresynth import metrics
-from poresynth.compare import Comparison, Figure, compare, mark
+from poresynth.comparison import Comparison, Figure, compare, mark
 from poresynth.errors import ParameterError
 from poresynth.exemplars import spheres, spinodal
 from poresynth.volume import Volume

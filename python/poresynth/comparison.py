@@ -7,10 +7,8 @@ the exemplar, which says how much one specimen of the material differs from anot
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any, Literal
 
 import numpy as np
@@ -592,12 +590,3 @@ def _add_novelty(
 
 def _json_number(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
-
-
-class _CallableModule(ModuleType):
-    """Importing this module binds its name in the package, where the function is wanted."""
-
-    __call__ = staticmethod(compare)
-
-
-sys.modules[__name__].__class__ = _CallableModule
