@@ -285,7 +285,7 @@ def compare(
     Notes
     -----
     Structure and novelty belong together: a copy of the exemplar passes every figure but novelty.
-    All boundaries are open. Peak memory: 11 bytes a voxel of the volume, 28 of the exemplar.
+    All boundaries are open. Peak memory: 6 bytes a voxel of the volume, 28 of the exemplar.
     """
     whole_e, whole_v = as_volume(exemplar), as_volume(volume)
     count = whole_number("subvolumes", subvolumes, 2)

@@ -5,13 +5,14 @@
 //! directly, because few planes are valid there and because the products of one probe serve two of
 //! its mirror images at once: a reversed probe has the conjugate spectrum.
 
+use std::sync::Arc;
+
 use multiversion::multiversion;
 use ndarray::{Array3, ArrayView2, ArrayView3, Axis, s};
 use rayon::prelude::*;
 use realfft::{RealFftPlanner, RealToComplex};
 use rustfft::num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
-use std::sync::Arc;
 
 use super::fft::{ROWS, fast_length, transformed, write_columns};
 use crate::error::{Error, Result};
@@ -80,12 +81,12 @@ pub fn novelty(
             }
         })
         .collect::<Result<Vec<_>>>()?;
-    let ratio = |value: fn(&Novelty) -> f64| {
+    let ratio = |value: fn(&Differences) -> f64| {
         let median_of = |first| median(found.iter().skip(first).step_by(2).map(value).collect());
         let own = median_of(0);
         if own < SMALLEST { f64::NAN } else { median_of(1) / own }
     };
-    Ok(Some(Novelty { plain: ratio(|n| n.plain), mirrored: ratio(|n| n.mirrored) }))
+    Ok(Some(Novelty { plain: ratio(|d| d.plain), mirrored: ratio(|d| d.mirrored) }))
 }
 
 /// Difference between the halves of an exemplar, in units of its variance, below which they are
@@ -264,11 +265,15 @@ fn box_sums_of_squares(voxels: ArrayView3<'_, f32>, edge: usize) -> Array3<f32> 
     sums.mapv(|v| v as f32)
 }
 
-/// A mirror image of the probe that a product of spectra gives.
+/// Smallest mean squared differences of a probe to any place.
 #[derive(Debug, Clone, Copy)]
-struct Image {
-    reversed: [bool; 3],
+struct Differences {
+    plain: f64,
+    mirrored: f64,
 }
+
+/// Which axes of the probe are reversed.
+type Image = [bool; 3];
 
 /// Where an image of the probe matches, and how well.
 #[derive(Debug, Clone, Copy)]
@@ -280,13 +285,13 @@ struct Match {
     image: Image,
 }
 
-/// The smallest mean squared difference of the probe to any place in `halves`.
+/// The smallest mean squared differences of the probe to any place in `halves`.
 fn best_match(
     probe: &Array3<f32>,
     halves: &[Half],
     plan: &Plan,
     monitor: &Monitor<'_>,
-) -> Result<Novelty> {
+) -> Result<Differences> {
     let square = probe.iter().map(|v| v * v).sum();
     let mut search = Search {
         plan,
@@ -309,20 +314,20 @@ fn best_match(
         }
     }
     let exact = |found: Option<Match>| found.map_or(f64::NAN, |m| m.exact(probe, halves));
-    Ok(Novelty { plain: exact(search.plain), mirrored: exact(search.mirrored) })
+    Ok(Differences { plain: exact(search.plain), mirrored: exact(search.mirrored) })
 }
 
 impl Match {
     /// Mean squared difference in double precision.
     fn exact(&self, probe: &Array3<f32>, halves: &[Half]) -> f64 {
-        let mut probe_view = probe.view();
-        for (axis, _) in self.image.reversed.iter().enumerate().filter(|(_, reversed)| **reversed) {
-            probe_view.invert_axis(Axis(axis));
+        let mut image = probe.view();
+        for axis in (0..3).filter(|&axis| self.image[axis]) {
+            image.invert_axis(Axis(axis));
         }
         let [z, y, x] = self.place;
         let edge = probe.dim().0;
         let block = halves[self.half].voxels.slice(s![z..z + edge, y..y + edge, x..x + edge]);
-        let sum: f64 = block.iter().zip(probe_view).map(|(&a, &b)| f64::from(a - b).powi(2)).sum();
+        let sum: f64 = block.iter().zip(image).map(|(&a, &b)| f64::from(a - b).powi(2)).sum();
         sum / probe.len() as f64
     }
 }
@@ -363,19 +368,10 @@ impl Search<'_> {
         for start in (0..places).step_by(TILE) {
             monitor.check()?;
             let count = TILE.min(places - start);
-            let [correlated, convolved] = &mut self.products;
-            let (probe, volume) = (stack, &half.stack);
-            multiply(
-                probe,
-                volume,
-                start,
-                z_reversed,
-                columns,
-                [&mut correlated[..count * columns], &mut convolved[..count * columns]],
-            );
+            let products = self.products.each_mut().map(|p| &mut p[..count * columns]);
+            multiply(stack, &half.stack, start, z_reversed, columns, products);
             for both_reversed in [false, true] {
-                let image =
-                    Image { reversed: [z_reversed, y_reversed ^ both_reversed, both_reversed] };
+                let image = [z_reversed, y_reversed ^ both_reversed, both_reversed];
                 for z in 0..count {
                     self.scan_plane(z, start + z, index, half, image);
                 }
@@ -387,13 +383,13 @@ impl Search<'_> {
     /// Looks for one image in one plane of places.
     fn scan_plane(&mut self, tile_z: usize, z: usize, index: usize, half: &Half, image: Image) {
         let plan = self.plan;
-        let which = usize::from(image.reversed[2]);
+        let which = usize::from(image[2]);
         let from = tile_z * plan.columns();
         let spectrum = &mut self.products[which][from..from + plan.half * plan.padded_y];
         plan.inverse_y.process_with_scratch(spectrum, &mut self.scratch);
 
         // A reversed probe keeps its place by its last voxel.
-        let offset = |axis: usize| if image.reversed[axis] { self.edge - 1 } else { 0 };
+        let offset = |axis: usize| if image[axis] { self.edge - 1 } else { 0 };
         let (offset_y, offset_x) = (offset(1), offset(2));
         let squares = half.squares.index_axis(Axis(0), z);
         let last = squares.dim().0 - 2;
@@ -405,7 +401,7 @@ impl Search<'_> {
         }
         plan.inverse_x.process_with_scratch(rows, &mut self.scratch);
 
-        let is_plain = image.reversed == [false; 3];
+        let is_plain = image == [false; 3];
         let best = if is_plain { &mut self.plain } else { &mut self.mirrored };
         for (first, row) in pairs.zip(rows.chunks_exact(plan.padded_x)) {
             let twice = &row[offset_x..];
@@ -547,9 +543,9 @@ mod tests {
     }
 
     /// Every place and every image, voxel by voxel.
-    fn twin(probe: &Array3<f32>, halves: &[Array3<f32>]) -> Novelty {
+    fn twin(probe: &Array3<f32>, halves: &[Array3<f32>]) -> Differences {
         let edge = probe.dim().0;
-        let mut found = Novelty { plain: f64::MAX, mirrored: f64::MAX };
+        let mut found = Differences { plain: f64::MAX, mirrored: f64::MAX };
         for image in 0..8 {
             let mut probe = probe.view();
             (0..3)

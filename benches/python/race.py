@@ -1,0 +1,181 @@
+"""Races: one task, one input, several libraries, measured in turn."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import poresynth
+
+OURS = "poresynth"
+STATUS = Path("/proc/self/status")
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A library at a task.
+
+    Parameters
+    ----------
+    name : str
+        How the table names it.
+    package : str
+        Distribution whose version is recorded; the contestant is skipped if it is missing.
+    run : callable
+        Takes the arrays of the race, returns the result.
+    most : int
+        Largest size that it is given.
+    """
+
+    name: str
+    package: str
+    run: Callable[..., Any]
+    most: int
+
+
+@dataclass
+class Race:
+    """A task for several libraries; it enters `RACES` when it is made.
+
+    Parameters
+    ----------
+    title : str
+        What the task is.
+    make : callable
+        Takes a size, returns the arrays that every contestant gets.
+    same : callable, optional
+        Takes the results of poresynth and of another; false disqualifies the race.
+    sizes : tuple of int
+        Sizes of the inputs, edges in voxels.
+    large : tuple of int
+        Sizes of a long run.
+    """
+
+    title: str
+    make: Callable[[int], list[np.ndarray]]
+    same: Callable[[Any, Any], bool] = lambda ours, theirs: True
+    sizes: tuple[int, ...] = (128, 256)
+    large: tuple[int, ...] = (400,)
+    contestants: dict[str, Contestant] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Enter the race."""
+        RACES[self.title] = self
+
+    def contestant(
+        self, name: str, package: str | None = None, most: int = 10_000
+    ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+        """Enter a contestant: a decorator of its function."""
+
+        def enter(run: Callable[..., Any]) -> Callable[..., Any]:
+            self.contestants[name] = Contestant(name, package or name, run, most)
+            return run
+
+        return enter
+
+    def run(self, size: int, repeats: int) -> Iterator[dict[str, Any]]:
+        """Measure every contestant at one size: time in turn, memory each on its own."""
+        present = [
+            c for c in self.contestants.values() if size <= c.most and version(c) is not None
+        ]
+        inputs = self.make(size)
+        small = self.make(min(size, 40))
+        for contestant in present:
+            contestant.run(*small)  # imports, compilers, thread pools
+        seconds: dict[str, list[float]] = {c.name: [] for c in present}
+        ours: Any = None
+        for turn in range(repeats):
+            for contestant in present:
+                start = time.perf_counter()
+                result = contestant.run(*inputs)
+                seconds[contestant.name].append(time.perf_counter() - start)
+                if turn == 0 and contestant.name == OURS:
+                    ours = result
+                elif turn == 0 and not self.same(ours, result):
+                    raise AssertionError(f"{self.title}: {contestant.name} finds something else")
+                del result
+        medians = {name: statistics.median(times) for name, times in seconds.items()}
+        for contestant in present:
+            median = medians[contestant.name]
+            yield {
+                "race": self.title,
+                "size": size,
+                "contestant": contestant.name,
+                "version": version(contestant),
+                "seconds": median,
+                "times_as_long": median / medians[OURS],
+                "bytes_per_voxel": self._memory(contestant, size, inputs, small),
+            }
+
+    def _memory(
+        self, contestant: Contestant, size: int, inputs: list[np.ndarray], small: list[np.ndarray]
+    ) -> float | None:
+        """Peak memory beyond the inputs, measured in a process of its own."""
+        if not STATUS.exists():
+            return None
+        with tempfile.TemporaryDirectory() as folder:
+            for name, arrays in (("inputs", inputs), ("small", small)):
+                for i, array in enumerate(arrays):
+                    np.save(Path(folder) / f"{name}{i}.npy", array)
+            command = [sys.executable, __file__, self.title, contestant.name, folder]
+            output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        return int(output.split()[-1]) / size**3
+
+
+RACES: dict[str, Race] = {}
+
+
+def version(contestant: Contestant) -> str | None:
+    """The contestant's version, None if it is not installed."""
+    if contestant.name == OURS:
+        return poresynth.__version__
+    try:
+        return importlib.metadata.version(contestant.package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def resident(key: str) -> int:
+    """Resident memory of this process in bytes: "VmRSS" now, "VmHWM" at its peak."""
+    line = next(x for x in STATUS.read_text().splitlines() if x.startswith(key))
+    return int(line.split()[1]) * 1024
+
+
+def measure_memory(title: str, name: str, folder: Path) -> int:
+    """Run a contestant once; return the bytes that it took beyond its inputs."""
+    run = RACES[title].contestants[name].run
+    inputs, small = (
+        [np.load(path) for path in sorted(folder.glob(f"{kind}*.npy"))]
+        for kind in ("inputs", "small")
+    )
+    run(*small)
+    before = resident("VmRSS")
+    Path("/proc/self/clear_refs").write_text("5")  # forgets the peak
+    result = run(*inputs)
+    taken = resident("VmHWM") - before
+    del result
+    return taken
+
+
+def load_races() -> None:
+    """Import every file of the folder `races`."""
+    for path in sorted((Path(__file__).parent / "races").glob("*.py")):
+        importlib.import_module(f"races.{path.stem}")
+
+
+if __name__ == "__main__":
+    # The races enter the module `race`, which this file is not when it runs by itself.
+    import race
+
+    race.load_races()
+    print(race.measure_memory(sys.argv[1], sys.argv[2], Path(sys.argv[3])))
