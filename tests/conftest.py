@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,14 @@ from hypothesis import settings
 # A busy machine is no failure.
 settings.register_profile("poresynth", deadline=None)
 settings.load_profile("poresynth")
+
+
+def pytest_configure() -> None:
+    """Hear the signals that a shell's background jobs and nohup ignore: programs inherit that."""
+    for name, handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 @pytest.fixture(scope="session")
