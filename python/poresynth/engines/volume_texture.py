@@ -53,23 +53,27 @@ class VolumeTexture:
         gray.
     field : {"distance", "intensity"}, default "distance"
         What is synthesised. The clipped signed distance carries shape over a window's edge, so that
-        necks and walls join: on trabecular bone the structure error fell from 16 to 2 %, on Berea
-        sandstone from 25 to 3 %. Intensities (of labels: one-hot phases) are the paper's choice.
+        necks and walls join: from 100³ to 152³, two seeds each, the mean error of connectivity,
+        Euler number, skeleton tips, thickness, spacing and surface is 2.7 % instead of 10.7 % on
+        trabecular bone and 5.2 % instead of 20.8 % on Berea sandstone, at equal or higher novelty.
+        Intensities (of labels: one-hot phases) are the paper's choice.
     clip : int, default 6
-        Where the signed distance is clipped, voxels; 3 to 6 measure the same, 10 worse.
+        Where the signed distance is clipped, voxels: about the radius of the features. Much more
+        makes the windows' variance that of the largest pores.
     smoothing : float, default 0.5
-        Gaussian blur of the final distance before the cut, voxels; 0.5 takes spurious tips away,
-        0.7 starts to take structure.
+        Gaussian blur of the final distance before the cut, voxels, against single-voxel roughness;
+        on Berea sandstone structure and surface stay within 0.2 % of those without.
     levels : int, default 3
-        Resolutions, each half of the one before. Two levels copy smaller blocks and lose long-range
-        order.
+        Resolutions, each half of the one before; the paper has two. The coarser the first, the
+        longer the range over which structures are kept in order.
     windows : tuple of int, default (10, 8, 4)
         Neighbourhood edges w at each level, voxels, coarse to fine. Large ones hold the structure
         together and make the verbatim copies larger.
     steps : tuple of int, optional
         Lattice step t of each window, voxels; w / 2 by default, which suffices.
     iterations : int, default 12
-        Most iterations of a window at a level (30 in the paper, which none of our exemplars needs).
+        Most iterations of a window at a level, 30 in the paper; 24 changed the surface of Berea
+        sandstone by 0.2 %.
     tolerance : float, default 0.005
         A window is done when for three iterations the energy has not fallen by this share.
     block : int, default 8
@@ -80,13 +84,13 @@ class VolumeTexture:
     variance : float, default 0.95
         Share of the variance above which no further component is kept (zhang_2017 §4.2).
     symmetry : {"none", "flips", "rotations", "full"}, default "none"
-        Symmetric copies of the exemplar that are offered too: 1, 8, 24 or 48. They do not improve
-        the statistics, and axis swaps harm anisotropic materials; memory grows with them.
+        Symmetric copies of the exemplar that are offered too: 1, 8, 24 or 48, with as many times
+        the memory. A swap of axes is wrong for an anisotropic material.
     keep_axis : {"z", "y", "x"}, optional
         Keep only symmetries that map this axis to itself, for a material with a direction.
     search : {"coherent", "kd_tree", "brute_force"}, default "coherent"
-        Coherent search continues what neighbouring windows found; about 500 times as fast as the
-        exact ones at the same quality.
+        Coherent search continues what neighbouring windows found: among 149 000 windows of edge 8 it
+        answers 490 times as many queries as brute force and 50 times as many as the kd-tree.
     candidates : int, default 10
         Nearest windows that the kd-tree ranks again by the full cost (k of the paper).
     index_weight : {"off", "literal", "normalised"}, default "off"
@@ -94,7 +98,8 @@ class VolumeTexture:
         nothing measurable), or in units of the expected share.
     run_penalty : float, default 0.3
         Price of continuing a verbatim copy, in units of the descriptors' variance: it trades
-        structure for novelty. 0 copies most; 0.1 to 0.3 is the useful range.
+        structure for novelty. On Berea sandstone 69 % of the volume lay in copies of more than 12³
+        voxels without it, 15 % at 0.1 and 14 % at 0.3.
     run_reach : int, default 12
         Distance, in voxels of the level, over which a copy must not go on.
     exponent : float, default 0.8
