@@ -36,6 +36,8 @@ format: $(VENV)/installed-all ## format the Rust and the Python code
 bench: $(VENV)/installed-all ## all benchmarks; writes the tables of README.md
 	cargo bench
 	$(BIN)/python benches/python/run.py
+	$(BIN)/python benches/python/results.py --presets quality fast
+	$(BIN)/python benches/python/results.py --presets paper --edge 80
 
 wheel-test: $(VENV)/installed ## the wheel alone in an empty environment: no torch, a synthesis
 	rm -rf dist target/wheel-test
