@@ -20,8 +20,9 @@ __all__ = ["main"]
 # What a shell reports of a program that was stopped by Ctrl-C.
 INTERRUPTED = 130
 ERROR = 2
-DEMO_EXEMPLAR = (64, 64, 64)
-DEMO_SHAPE = (96, 96, 96)
+# Half of the example must hold the largest blocks whose novelty is measured, 32³.
+DEMO_EXEMPLAR = (72, 72, 72)
+DEMO_SHAPE = (112, 112, 112)
 
 
 def _version() -> str:
