@@ -89,8 +89,8 @@ class VolumeTexture:
     keep_axis : {"z", "y", "x"}, optional
         Keep only symmetries that map this axis to itself, for a material with a direction.
     search : {"coherent", "kd_tree", "brute_force"}, default "coherent"
-        Coherent search continues what neighbouring windows found: among 149 000 windows of edge 8 it
-        answers 490 times as many queries as brute force and 50 times as many as the kd-tree.
+        Coherent search continues what neighbouring windows found: among 149 000 windows of edge 8
+        it answers 490 times as many queries as brute force and 50 times as many as the kd-tree.
     candidates : int, default 10
         Nearest windows that the kd-tree ranks again by the full cost (k of the paper).
     index_weight : {"off", "literal", "normalised"}, default "off"
