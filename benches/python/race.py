@@ -137,7 +137,7 @@ RACES: dict[str, Race] = {}
 
 def version(contestant: Contestant) -> str | None:
     """The contestant's version, None if it is not installed."""
-    if contestant.name == OURS:
+    if contestant.package == OURS:
         return poresynth.__version__
     try:
         return importlib.metadata.version(contestant.package)
