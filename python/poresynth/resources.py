@@ -16,11 +16,24 @@ def available_memory() -> int | None:
     if sys.platform == "linux":
         for line in Path("/proc/meminfo").read_text().splitlines():
             if line.startswith("MemAvailable:"):
-                return int(line.split()[1]) * 1024
+                free = int(line.split()[1]) * 1024
+                limit = _container_memory()
+                return free if limit is None else min(free, limit)
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):
         return None
+
+
+def _container_memory(folder: Path = Path("/sys/fs/cgroup")) -> int | None:
+    """Return what a container's limit leaves, None without a limit (control groups, version 2)."""
+    try:
+        limit, used = (
+            (folder / name).read_text().strip() for name in ("memory.max", "memory.current")
+        )
+    except OSError:
+        return None
+    return None if limit == "max" else max(0, int(limit) - int(used))
 
 
 def format_bytes(count: float) -> str:
