@@ -37,7 +37,7 @@ bench: $(VENV)/installed-all ## all benchmarks; writes the tables of README.md
 	cargo bench
 	$(BIN)/python benches/python/run.py
 	$(BIN)/python benches/python/results.py --presets quality fast
-	$(BIN)/python benches/python/results.py --presets paper --edge 80
+	$(BIN)/python benches/python/results.py --presets paper --edge 48
 
 wheel-test: $(VENV)/installed ## the wheel alone in an empty environment: no torch, a synthesis
 	rm -rf dist target/wheel-test

@@ -36,6 +36,10 @@ const GROWTH: f32 = 0.05;
 /// … and shrinks by this share when it rises.
 const DECAY: f32 = 0.3;
 
+/// Energies closer than this share are the same to Eq. 2. The lattice's random shift alone moves the
+/// energy by up to a tenth; were that a rise, λ would shrink until only the gradient term is left.
+const SAME: f64 = 0.1;
+
 /// Makes a field of this shape whose windows all look like windows of the exemplar.
 ///
 /// Memory: about 28 bytes a voxel of the output and channel with the gradient term, 12 without, and
@@ -133,9 +137,9 @@ impl Run<'_> {
             let (data, gradient) = found.energy(p.gradient);
             let energy = data + gradient;
             // Fed with the energy at λ = 1: with λ inside, its own growth would read as a rise.
-            if p.adaptive && energy < before && before.is_finite() {
+            if p.adaptive && before.is_finite() && energy < (1.0 - SAME) * before {
                 factor *= 1.0 + GROWTH;
-            } else if p.adaptive && energy > before {
+            } else if p.adaptive && energy > (1.0 + SAME) * before {
                 factor *= 1.0 - DECAY;
             }
             self.optimise(level, &source, &found.weights(factor), &quantiles)?;
