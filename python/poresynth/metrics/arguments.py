@@ -1,9 +1,9 @@
-"""What the metrics take: phases, gray volumes, whole numbers."""
+"""What the metrics take: phases, gray volumes, the size of a voxel, whole numbers."""
 
 from __future__ import annotations
 
 import operator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,7 @@ from poresynth.errors import ParameterError
 from poresynth.preprocess import MOST_LABELS
 from poresynth.volume import Volume
 
-__all__ = ["PhaseLike", "as_phase", "as_scalar_volume", "whole_number"]
+__all__ = ["PhaseLike", "Scale", "as_phase", "as_scalar_volume", "scale_of", "whole_number"]
 
 PhaseLike = Volume | npt.ArrayLike
 """A phase: bool, two-valued or labels, shape (z, y, x); see `as_phase`."""
@@ -51,7 +51,9 @@ def as_scalar_volume(volume: Volume | npt.ArrayLike, name: str) -> npt.NDArray[A
     return array
 
 
-def as_phase(solid: PhaseLike, name: str = "solid") -> npt.NDArray[np.bool_]:
+def as_phase(
+    solid: PhaseLike, name: str = "solid", phase: int | None = None
+) -> npt.NDArray[np.bool_]:
     """Return where a phase is.
 
     Parameters
@@ -61,20 +63,24 @@ def as_phase(solid: PhaseLike, name: str = "solid") -> npt.NDArray[np.bool_]:
         values, such as {0, 255} or labels: the phase is what is not 0.
     name : str, default "solid"
         What the caller names it, for the message.
+    phase : int, optional
+        The value that is the phase, instead of all but 0: a label, or 0 for the pore of a bool
+        array.
 
     Returns
     -------
     numpy.ndarray of bool
-        Shape (z, y, x), in the memory order that was given; bool arrays are not copied.
+        Shape (z, y, x), in the memory order that was given; bool arrays, and uint8 of 0 and 1, are
+        not copied.
 
     Raises
     ------
     ParameterError
-        If the array is empty, not (z, y, x), or a gray volume: which of its values are the phase
-        is for `poresynth.binarize` to say.
+        If the array is empty, not (z, y, x), does not hold the phase, or is a gray volume: which of
+        its values are the phase is for `poresynth.binarize` to say.
     """
     array = as_scalar_volume(solid, name)
-    if array.dtype == bool:
+    if array.dtype == bool and phase is None:
         return array
     # Most gray volumes say so in their first planes.
     values = np.empty(0, array.dtype)
@@ -83,7 +89,57 @@ def as_phase(solid: PhaseLike, name: str = "solid") -> npt.NDArray[np.bool_]:
         if len(values) > MOST_LABELS:
             what = f"gray volume of more than {MOST_LABELS} values"
             raise ParameterError(name, what, "must be a phase; cut it with poresynth.binarize")
+    if phase is not None:
+        if phase not in ((0, 1) if array.dtype == bool else values):
+            raise ParameterError("phase", phase, f"must be one of the values {values.tolist()}")
+        return np.asarray(array == phase)
+    if array.dtype == np.uint8 and values[-1] <= 1:
+        return array.view(bool)
     return np.asarray(array != 0)
+
+
+class Scale(NamedTuple):
+    """The size of a voxel.
+
+    Attributes
+    ----------
+    voxel_size : (float, float, float)
+        Edges of a voxel along (z, y, x), in ``unit``.
+    unit : str
+        Unit of lengths; ``"voxel"`` if the scale is unknown.
+    """
+
+    voxel_size: tuple[float, float, float]
+    unit: str
+
+
+def scale_of(
+    volume: Volume | npt.ArrayLike, voxel_size: float | tuple[float, float, float] | None = None
+) -> Scale:
+    """Return the size of the voxels to measure with.
+
+    Parameters
+    ----------
+    volume : Volume or array_like
+        A `Volume` knows the size of its voxels; those of a plain array have the edge 1.
+    voxel_size : float or (float, float, float), optional
+        Edges along (z, y, x), instead of the volume's own; in the volume's unit.
+
+    Returns
+    -------
+    Scale
+
+    Raises
+    ------
+    ParameterError
+        If a voxel size is not positive.
+    """
+    size, unit = (1.0, 1.0, 1.0), "voxel"
+    if isinstance(volume, Volume):
+        size, unit = volume.voxel_size, volume.unit
+    if voxel_size is not None:
+        size = Volume(np.empty((0, 0, 0)), voxel_size).voxel_size
+    return Scale(size, unit)
 
 
 def whole_number(name: str, value: Any, low: int) -> int:
