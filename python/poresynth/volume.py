@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from poresynth.errors import ParameterError
 
-__all__ = ["Volume", "as_volume"]
+__all__ = ["Volume", "as_volume", "voxel_edges"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,14 +52,8 @@ class Volume:
             raise ParameterError(
                 "array.ndim", array.ndim, "must be 3 (z, y, x) or 4 (z, y, x, channel)"
             )
-        size = np.atleast_1d(np.asarray(self.voxel_size, dtype=float))
-        if size.shape not in ((1,), (3,)) or not (np.isfinite(size).all() and (size > 0).all()):
-            raise ParameterError(
-                "voxel_size", self.voxel_size, "must be one or three positive numbers (z, y, x)"
-            )
-        size = np.broadcast_to(size, 3)
         object.__setattr__(self, "array", array)
-        object.__setattr__(self, "voxel_size", tuple(float(s) for s in size))
+        object.__setattr__(self, "voxel_size", voxel_edges(self.voxel_size))
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -108,3 +102,29 @@ def as_volume(volume: Volume | npt.ArrayLike) -> Volume:
         If the array does not have 3 or 4 dimensions.
     """
     return volume if isinstance(volume, Volume) else Volume(np.asanyarray(volume))
+
+
+def voxel_edges(voxel_size: float | tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return the edges of a voxel along (z, y, x).
+
+    Parameters
+    ----------
+    voxel_size : float or (float, float, float)
+        One number means cubic voxels.
+
+    Returns
+    -------
+    (float, float, float)
+
+    Raises
+    ------
+    ParameterError
+        If there are not one or three positive numbers.
+    """
+    size = np.atleast_1d(np.asarray(voxel_size, dtype=float))
+    if size.shape not in ((1,), (3,)) or not (np.isfinite(size).all() and (size > 0).all()):
+        raise ParameterError(
+            "voxel_size", voxel_size, "must be one or three positive numbers (z, y, x)"
+        )
+    z, y, x = np.broadcast_to(size, 3).tolist()
+    return (z, y, x)

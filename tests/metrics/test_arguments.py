@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.metrics.strategies import ORDERS, TYPES
 
 from poresynth import Volume
 from poresynth.errors import ParameterError
 from poresynth.metrics.arguments import as_phase, scale_of
-from tests.metrics.strategies import ORDERS, TYPES
 
 
 @pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from poresynth.errors import ParameterError
 from poresynth.preprocess import MOST_LABELS
-from poresynth.volume import Volume
+from poresynth.volume import Volume, voxel_edges
 
 __all__ = ["PhaseLike", "Scale", "as_phase", "as_scalar_volume", "scale_of", "whole_number"]
 
@@ -138,7 +138,7 @@ def scale_of(
     if isinstance(volume, Volume):
         size, unit = volume.voxel_size, volume.unit
     if voxel_size is not None:
-        size = Volume(np.empty((0, 0, 0)), voxel_size).voxel_size
+        size = voxel_edges(voxel_size)
     return Scale(size, unit)
 
 
