@@ -81,6 +81,14 @@ def test_a_seam_is_found_along_every_axis(axis: int) -> None:
     assert metrics.seam(exemplar, exemplar) == 1
 
 
+def test_a_small_part_of_the_exemplar_has_no_seam() -> None:
+    exemplar = texture((48, 48, 48), 3)
+    parts = [exemplar[i : i + 16, j : j + 16, :16] for i in (0, 16, 32) for j in (0, 16, 32)]
+    figures = [metrics.seam(exemplar, part) for part in parts]
+    assert 0.5 < np.median(figures) < 1.5
+    assert max(figures) < 2.5
+
+
 def test_degenerate_volumes_have_finite_or_undefined_figures() -> None:
     one, flat = np.full((1, 1, 1), 7, np.uint8), np.full((4, 4, 4), 7, np.uint8)
     gray = texture((4, 4, 4), 1)

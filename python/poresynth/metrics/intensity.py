@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -180,8 +181,9 @@ def seam(exemplar: Volume | npt.ArrayLike, volume: Volume | npt.ArrayLike) -> fl
 
     The mean absolute difference between two neighbouring planes is a profile along an axis; a seam
     makes it jump. The figure is the largest jump between neighbours in the profile, relative to
-    the profile's mean, over the three axes, divided by the same of the exemplar. Planes are cut to
-    the exemplar's smallest edge, for larger planes have steadier means.
+    the profile's mean, over the three axes, divided by the same of the exemplar. Larger planes have
+    steadier means: planes are cut to the exemplar's smallest edge, and where the volume is smaller
+    than the exemplar, the exemplar's figure is the mean of its eight corners of that size.
 
     Parameters
     ----------
@@ -203,8 +205,17 @@ def seam(exemplar: Volume | npt.ArrayLike, volume: Volume | npt.ArrayLike) -> fl
     Peak memory: 12 bytes per voxel of one plane.
     """
     e, v = as_scalar_volume(exemplar, "exemplar"), as_scalar_volume(volume, "volume")
-    edge = min(e.shape)
-    return _largest_jump(v, edge) / max(_largest_jump(e, edge), SMALLEST)
+    edge = min(*e.shape, *v.shape)
+    own = [_largest_jump(corner, edge) for corner in _corners(e, edge)]
+    return _largest_jump(v, edge) / max(float(np.mean(own)), SMALLEST)
+
+
+def _corners(array: _Voxels, edge: int) -> list[_Voxels]:
+    """Return the corners of this edge; the volume itself if it is no larger."""
+    if edge == min(array.shape):
+        return [array]
+    ends = (slice(edge), slice(-edge, None))
+    return [array[corner] for corner in itertools.product(ends, repeat=3)]
 
 
 def _largest_jump(array: _Voxels, edge: int) -> float:

@@ -114,6 +114,19 @@ fn all_ties_are_resolved_to_a_valid_window() {
 }
 
 #[test]
+fn the_kd_tree_spreads_over_equal_windows() {
+    let field = Field::new([40; 3], 1, vec![100.0; 64_000]).unwrap();
+    let set = neighbourhoods(&field, Symmetry::None);
+    let s = setting(&field, &set);
+    let tree = KdTree::new(&set, 10).unwrap();
+    let mut found = run(&tree, &set, &s, 1, |_| None, None);
+    let sites = found.len();
+    found.sort_unstable();
+    found.dedup();
+    assert!(2 * found.len() > sites, "{} of {sites}", found.len());
+}
+
+#[test]
 fn sites_outside_the_domain_are_left_alone() {
     let field = exemplar();
     let set = neighbourhoods(&field, Symmetry::None);
