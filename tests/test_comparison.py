@@ -40,7 +40,8 @@ ALWAYS = {
     "novelty_20_mirrors",
     "novelty_32",
     "novelty_32_mirrors",
-}
+    "structure_error_percent",
+} | {name for name, metric in metrics.METRICS.items() if metric.tolerance is not None}
 GRAY = {"histogram_distance", "histogram_distance_percent"}
 
 
@@ -86,6 +87,20 @@ def test_the_figures_are_those_of_the_metrics(
         assert figure.name == name
         assert figure.value == pytest.approx(value), name
         assert figure.exemplar == (None if own is None else pytest.approx(own)), name
+
+
+def test_metrics_are_means_over_parts_of_one_size(comparison: Comparison) -> None:
+    assert list(comparison.figures)[:2] == ["end_point_density", "euler_density"]
+    for name, sample in comparison.samples.items():
+        figure = comparison.figures[name]
+        assert len(sample.exemplar) == len(sample.volume) == 8
+        assert figure.value == pytest.approx(np.nanmean(sample.volume)), name
+        assert figure.exemplar == pytest.approx(np.nanmean(sample.exemplar)), name
+        assert figure.low == pytest.approx(np.nanmin(sample.exemplar)), name
+    numbers = comparison.to_dict()
+    assert numbers["tb_th_in_unit"] == pytest.approx(39.0 * numbers["tb_th"])
+    assert numbers["bs_bv_in_unit"] == pytest.approx(numbers["bs_bv"] / 39.0)
+    assert numbers["euler_density_in_unit"] == pytest.approx(numbers["euler_density"] / 39.0**3)
 
 
 def test_what_is_compared_with_what_is_of_one_size(comparison: Comparison) -> None:

@@ -213,10 +213,12 @@ def measure(
     *,
     threshold: float | None = None,
     solid: Solid = "bright",
+    transport: Annotated[bool, Parameter(negative="")] = False,
     json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+    threads: Threads = 0,
     source: Reading = None,
 ) -> None:
-    """Measure a volume.
+    """Measure a volume: morphometry, topology, correlation, and transport if wanted.
 
         poresynth measure bone.tif --json bone.json
 
@@ -228,21 +230,19 @@ def measure(
         Gray value that separates solid from pore. [default: Otsu's]
     solid
         Which side of the threshold is solid.
+    transport
+        Solve diffusion and flow through the pore, too: minutes.
     json_file
-        File for the figures.
+        File for the figures, and for the curves.
+    threads
+        Number of threads; 0 takes all cores.
     source
         How the volume is read.
     """
-    from poresynth import metrics
-    from poresynth.report.words import number
-
     with workflow.reserve(json_file=json_file):
-        found = metrics.measure(workflow.read(volume, source), threshold=threshold, solid=solid)
-        rows = [
-            (name, number(found[name]), metric.unit, metric.description)
-            for name, metric in metrics.METRICS.items()
-        ]
-        console.figures(str(volume), rows, ("figure", "value", "unit", "what it says"))
+        found = workflow.measure(
+            volume, source, threshold=threshold, solid=solid, transport=transport, threads=threads
+        )
         if json_file is not None:
             workflow.write_json(json_file, found)
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = [
     "compare",
     "crop",
+    "measure",
     "read",
     "read_exemplar",
     "reserve",
@@ -229,6 +230,45 @@ def compare(
     header = ("figure", "new volume", "exemplar", "its range", "mark")
     console.figures("The new volume beside its exemplar", rows, header)
     return comparison
+
+
+def measure(
+    path: Path,
+    source: ReadConfig | None,
+    *,
+    threshold: float | None,
+    solid: Literal["bright", "dark"],
+    transport: bool,
+    threads: int,
+) -> dict[str, Any]:
+    """Measure a volume and print the numbers; parameters as of `poresynth.metrics.measure`."""
+    from poresynth import metrics
+    from poresynth.report.words import number
+
+    volume = read(path, source)
+    with console.progress("measurement") as progress:
+        found = metrics.measure(
+            volume,
+            threshold=threshold,
+            solid=solid,
+            transport=transport,
+            threads=threads,
+            progress=progress,
+        )
+    rows = []
+    for metric in (*metrics.METRICS.values(), *metrics.TRANSPORT_METRICS.values()):
+        if metric.name not in found:
+            continue
+        cells = [metric.name, number(found[metric.name]), metric.unit]
+        if volume.unit != "voxel":
+            scaled = found.get(f"{metric.name}_in_unit")
+            unit = metrics.unit_of(volume.unit, metric.power)
+            cells += ["", ""] if not metric.power else [number(scaled), unit]
+        rows.append((*cells, metric.description))
+    units = () if volume.unit == "voxel" else ("in unit", "of length")
+    header = ("figure", "value", "unit", *units, "what it says")
+    console.figures(str(path), rows, header)
+    return found
 
 
 def read(path: Path, source: ReadConfig | None = None) -> Volume:

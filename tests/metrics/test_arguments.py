@@ -41,3 +41,17 @@ def test_the_scale_is_the_volumes_own_unless_given() -> None:
     assert scale_of(Volume(array, 3.0, "µm"), (1, 2, 3)) == ((1.0, 2.0, 3.0), "µm")
     with pytest.raises(ParameterError, match="voxel_size"):
         scale_of(array, -1.0)
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "int16", "float32"])
+def test_a_gray_volume_is_no_phase(dtype: str) -> None:
+    gray = np.arange(27).reshape(3, 3, 3).astype(dtype)
+    with pytest.raises(ParameterError, match=r"^solid = gray volume.*poresynth\.binarize"):
+        as_phase(gray)
+
+
+def test_a_phase_is_not_copied(rng: np.random.Generator) -> None:
+    solid = rng.random((9, 10, 11)) < 0.3
+    assert as_phase(Volume(solid)) is solid
+    fortran = np.asfortranarray(solid)
+    assert as_phase(fortran * np.uint8(9)).flags.f_contiguous

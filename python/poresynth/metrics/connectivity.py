@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from poresynth import _core
 from poresynth.metrics.arguments import PhaseLike, as_phase
-from poresynth.metrics.registry import metric
 from poresynth.metrics.wasserstein import wasserstein
 
 __all__ = [
@@ -21,6 +20,7 @@ __all__ = [
     "floating_parts",
     "label",
     "largest_component_fraction",
+    "largest_share",
     "size_distance",
 ]
 
@@ -121,7 +121,6 @@ def component_sizes(
     )
 
 
-@metric("26-connected components of the solid")
 def components(
     solid: PhaseLike, *, connectivity: Connectivity = 26, boundary: Boundary = "open"
 ) -> int:
@@ -144,7 +143,6 @@ def components(
     return len(component_sizes(solid, connectivity=connectivity, boundary=boundary))
 
 
-@metric("26-connected components of the solid of fewer than 10 voxels")
 def floating_parts(
     solid: PhaseLike, *, connectivity: Connectivity = 26, boundary: Boundary = "open"
 ) -> int:
@@ -168,7 +166,6 @@ def floating_parts(
     return int(np.count_nonzero(sizes < FLOATING))
 
 
-@metric("share of the solid in its largest 26-connected component")
 def largest_component_fraction(
     solid: PhaseLike, *, connectivity: Connectivity = 26, boundary: Boundary = "open"
 ) -> float:
@@ -190,6 +187,11 @@ def largest_component_fraction(
         If a parameter is outside its range.
     """
     sizes = component_sizes(solid, connectivity=connectivity, boundary=boundary)
+    return largest_share(sizes)
+
+
+def largest_share(sizes: npt.NDArray[np.uint64]) -> float:
+    """Return the share of the voxels in the largest of components of these sizes; 0 for none."""
     return float(sizes.max() / sizes.sum()) if len(sizes) else 0.0
 
 

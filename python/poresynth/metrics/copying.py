@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from poresynth import _core
 from poresynth.metrics.arguments import as_scalar_volume, whole_number
 from poresynth.volume import Volume
 
-__all__ = ["EDGES", "PROBES", "Novelty", "novelty"]
+__all__ = ["EDGES", "PROBES", "Novelty", "novelty", "novelty_curve"]
 
 EDGES = (12, 20, 32)
 """Edges of the blocks of the novelty curve, voxels."""
@@ -93,3 +94,41 @@ def novelty(
         threads=threads,
     )
     return Novelty(float("nan"), float("nan")) if found is None else Novelty(*found)
+
+
+def novelty_curve(
+    exemplar: Volume | npt.ArrayLike,
+    volumes: Sequence[Volume | npt.ArrayLike],
+    *,
+    probes: int = PROBES,
+    threads: int = 0,
+) -> dict[int, Novelty]:
+    """Return the novelty of blocks of 12³, 20³ and 32³ voxels, pooled over volumes.
+
+    Parameters
+    ----------
+    exemplar : Volume or array_like
+        As for `novelty`.
+    volumes : sequence of Volume or array_like
+        Volumes of the material, such as one a seed; the blocks of each are picked anew.
+    probes, threads
+        As for `novelty`.
+
+    Returns
+    -------
+    dict of int to Novelty
+        By edge of the blocks, the means over the volumes.
+
+    Raises
+    ------
+    ParameterError
+        If a parameter is outside its range.
+    """
+    curve = {}
+    for edge in EDGES:
+        found = [
+            novelty(exemplar, volume, edge, probes=probes, seed=seed, threads=threads)
+            for seed, volume in enumerate(volumes)
+        ]
+        curve[edge] = Novelty(*np.mean(found, axis=0).tolist())
+    return curve

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from poresynth.metrics.arguments import PhaseLike, as_phase
-from poresynth.metrics.registry import metric
 
 __all__ = ["porosity"]
 
 
-@metric("share of the volume that is pore")
 def porosity(solid: PhaseLike) -> float:
     """Return the share of a volume that is not solid: ε = |void| / |all| (scaffoldgan_2021 §6.2).
 

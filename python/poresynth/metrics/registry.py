@@ -1,113 +1,269 @@
-"""The metrics of one phase by name, and `measure`, which runs them all."""
+"""The metrics by name: what `measure` reports of a volume, and `compare` of two."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar
+from typing import Literal
 
+import numpy as np
 import numpy.typing as npt
 
-from poresynth.metrics.structure import Structure, first_channel
-from poresynth.volume import Volume, as_volume
+from poresynth.metrics.connectivity import FLOATING, largest_share
+from poresynth.metrics.specimen import AXES, Specimen
 
-__all__ = ["METRICS", "Metric", "measure", "metric"]
+__all__ = ["METRICS", "TRANSPORT_METRICS", "Metric", "unit_of"]
 
-_Function = TypeVar("_Function", bound=Callable[..., float])
+Better = Literal["equal", "smaller", "larger"]
 
 
 @dataclass(frozen=True)
 class Metric:
-    """A number that describes one phase.
+    """A number that describes the solid of a volume.
 
     Parameters
     ----------
     name : str
         Key in the results, snake_case.
     function : callable
-        Takes the phase, a bool array (z, y, x), and returns the number.
-    unit : str
-        Unit of the number; ``""`` for shares and counts.
+        Takes a `Specimen`, returns the number; NaN where it is not defined.
     description : str
         What it is, in a few words.
+    power : int, default 0
+        Of the length in its unit: 1 for a length, −3 for a count per volume, 0 for a pure number.
+    tolerance : float, optional
+        Difference from the exemplar that passes in a comparison, as a share of the exemplar's
+        value, even if the exemplar's own parts differ less. None keeps it out of comparisons, for
+        what grows with the volume or says the same as another.
+    better : {"equal", "smaller", "larger"}, default "equal"
+        On which side of the exemplar's value there is nothing to blame.
     """
 
     name: str
-    function: Callable[..., float]
-    unit: str
+    function: Callable[[Specimen], float]
     description: str
+    power: int = 0
+    tolerance: float | None = None
+    better: Better = "equal"
+
+    @property
+    def unit(self) -> str:
+        """Unit of the number in voxels; ``""`` for pure numbers."""
+        return unit_of("voxel", self.power)
 
 
-METRICS: dict[str, Metric] = {}
-"""All metrics, by name."""
+def unit_of(length: str, power: int) -> str:
+    """Return a unit of length to a power, as people write it."""
+    digits = str(abs(power)).translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    raised = length if abs(power) == 1 else f"{length}{digits}"
+    return "" if power == 0 else raised if power > 0 else f"1/{raised}"
 
 
-def metric(description: str, unit: str = "") -> Callable[[_Function], _Function]:
-    """Register a function as a metric, under its own name.
-
-    Parameters
-    ----------
-    description : str
-        What it is, in a few words.
-    unit : str, default ""
-        Unit of what it returns.
-
-    Returns
-    -------
-    callable
-        A decorator that returns the function unchanged.
-    """
-
-    def register(function: _Function) -> _Function:
-        METRICS[function.__name__] = Metric(function.__name__, function, unit, description)
-        return function
-
-    return register
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value
 
 
-def measure(
-    volume: Volume | npt.ArrayLike,
-    *,
-    threshold: float | None = None,
-    solid: Literal["bright", "dark"] = "bright",
-) -> dict[str, Any]:
-    """Run every metric on one volume.
+def _mean(values: npt.NDArray[np.float64]) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else float("nan")
 
-    Parameters
-    ----------
-    volume : Volume or array_like
-        Shape (z, y, x) or (z, y, x, channel), of which the first channel decides. Gray, binary or
-        labels.
-    threshold : float, optional
-        Value that parts solid from pore; Otsu's by default, the middle of two values, the middle
-        of the two lowest labels.
-    solid : {"bright", "dark"}, default "bright"
-        Which side of the threshold is solid.
 
-    Returns
-    -------
-    dict
-        JSON-compatible and flat: each metric under its name, and ``kind``, ``threshold``,
-        ``solid``, ``shape``, ``voxel_size`` and ``unit`` of the volume.
+# Ten percent: what two specimens of one bone or rock differ by at least.
+_USUAL = 0.1
 
-    Raises
-    ------
-    ParameterError
-        If the volume is empty, constant or not finite, or the threshold is outside its values.
+_TABLE = (
+    # Those that tell a good structure from a poor one come first.
+    Metric(
+        "end_point_density",
+        lambda s: s.end_points.density,
+        "end points of the skeleton per volume: struts that lead nowhere",
+        power=-3,
+        tolerance=_USUAL,
+        better="smaller",
+    ),
+    Metric(
+        "euler_density",
+        lambda s: s.euler / s.solid.size,
+        "Euler number of the solid per volume: the lower, the more loops",
+        power=-3,
+        tolerance=_USUAL,
+    ),
+    Metric("porosity", lambda s: 1 - float(s.solid.mean()), "share of the volume that is pore"),
+    Metric("bv_tv", lambda s: s.morphometry.bv_tv, "BV/TV: share of the volume that is solid"),
+    Metric(
+        "bs_bv",
+        lambda s: s.morphometry.bs_bv,
+        "BS/BV: surface per volume of the solid",
+        power=-1,
+        tolerance=_USUAL,
+    ),
+    Metric("bs_tv", lambda s: s.morphometry.bs_tv, "BS/TV: surface per volume", power=-1),
+    Metric(
+        "tb_th",
+        lambda s: s.thickness.mean,
+        "Tb.Th: mean local thickness of the solid, a diameter",
+        power=1,
+        tolerance=_USUAL,
+    ),
+    Metric("tb_th_sd", lambda s: s.thickness.sd, "standard deviation of the thickness", power=1),
+    Metric("tb_th_max", lambda s: s.thickness.max, "largest thickness", power=1),
+    Metric(
+        "tb_sp",
+        lambda s: s.separation.mean,
+        "Tb.Sp: mean local thickness of the pore, a diameter",
+        power=1,
+        tolerance=_USUAL,
+    ),
+    Metric("tb_sp_sd", lambda s: s.separation.sd, "standard deviation of the separation", power=1),
+    Metric("tb_sp_max", lambda s: s.separation.max, "largest separation", power=1),
+    Metric(
+        "tb_n",
+        lambda s: _number(s.morphometry.tb_n),
+        "Tb.N without a model: 1 / (Tb.Th + Tb.Sp)",
+        power=-1,
+        tolerance=_USUAL,
+    ),
+    Metric(
+        "tb_th_plate",
+        lambda s: s.morphometry.tb_th_plate,
+        "thickness of plates of the same BS/BV",
+        power=1,
+    ),
+    Metric(
+        "tb_sp_plate",
+        lambda s: s.morphometry.tb_sp_plate,
+        "separation of plates of the same BS/BV",
+        power=1,
+    ),
+    Metric(
+        "tb_n_plate",
+        lambda s: s.morphometry.tb_n_plate,
+        "number per length of plates of the same BS/BV",
+        power=-1,
+    ),
+    Metric(
+        "mil_mean",
+        lambda s: s.fabric.mil_mean,
+        "mean intercept length, all directions",
+        power=1,
+        tolerance=_USUAL,
+    ),
+    Metric("mil_z", lambda s: s.fabric.mil_z, "mean intercept length along z", power=1),
+    Metric("mil_y", lambda s: s.fabric.mil_y, "mean intercept length along y", power=1),
+    Metric("mil_x", lambda s: s.fabric.mil_x, "mean intercept length along x", power=1),
+    Metric(
+        "mil_anisotropy",
+        lambda s: s.fabric.degree_of_anisotropy,
+        "DA: 0 isotropic, 1 all in one direction",
+        tolerance=_USUAL,
+    ),
+    Metric("components", lambda s: len(s.solid_sizes), "26-connected parts of the solid"),
+    Metric(
+        "floating_parts",
+        lambda s: int((s.solid_sizes < FLOATING).sum()),
+        f"parts of the solid of fewer than {FLOATING} voxels",
+    ),
+    Metric(
+        "largest_component_fraction",
+        lambda s: largest_share(s.solid_sizes),
+        "share of the solid in its largest part",
+    ),
+    Metric("pore_components", lambda s: len(s.pore_sizes), "6-connected parts of the pore"),
+    Metric(
+        "largest_pore_fraction",
+        lambda s: largest_share(s.pore_sizes),
+        "share of the pore in its largest part",
+        tolerance=0.01,
+    ),
+    *(
+        Metric(
+            f"{phase}_spanning_{axis}",
+            lambda s, phase=phase, i=i: getattr(s, f"{phase}_percolation").fractions[i],  # type: ignore[misc]
+            f"share of the {phase} in parts that reach from face to face along {axis}",
+        )
+        for phase in ("solid", "pore")
+        for i, axis in enumerate(AXES)
+    ),
+    Metric("euler_number", lambda s: s.euler, "Euler number of the solid, 26-connected"),
+    Metric(
+        "connectivity",
+        lambda s: s.connectivity.connectivity,
+        "1 − Δχ: struts that can be cut before the solid falls apart",
+    ),
+    Metric(
+        "connectivity_density",
+        lambda s: s.connectivity.density,
+        "Conn.D: connectivity per volume",
+        power=-3,
+        tolerance=_USUAL,
+    ),
+    Metric("betti_0", lambda s: s.betti.b0, "parts of the solid"),
+    Metric("betti_1", lambda s: s.betti.b1, "tunnels through the solid"),
+    Metric("betti_2", lambda s: s.betti.b2, "cavities inside the solid"),
+    Metric("branches", lambda s: len(s.graph.branches.length), "branches of the skeleton"),
+    Metric("junctions", lambda s: s.graph.junctions, "junctions of the skeleton"),
+    Metric("loops", lambda s: s.graph.loops, "independent loops of the skeleton"),
+    Metric(
+        "branch_length",
+        lambda s: _mean(s.graph.branches.length),
+        "mean length of the skeleton's branches",
+        power=1,
+        tolerance=_USUAL,
+    ),
+    Metric(
+        "branch_tortuosity",
+        lambda s: _mean(s.graph.branches.tortuosity),
+        "mean of the branches' length over the distance of their ends",
+        tolerance=0.05,
+    ),
+    Metric(
+        "solid_chord",
+        lambda s: s.solid_chords.mean,
+        "mean length of the solid along the axes, from pore to pore",
+        power=1,
+        tolerance=_USUAL,
+    ),
+    Metric(
+        "pore_chord",
+        lambda s: s.pore_chords.mean,
+        "mean length of the pore along the axes, from solid to solid",
+        power=1,
+        tolerance=_USUAL,
+    ),
+)
 
-    Notes
-    -----
-    Peak memory: 8 bytes a voxel.
-    """
-    whole = as_volume(volume)
-    structure = Structure.of(whole, threshold, solid)
-    phase = structure.cut(first_channel(whole, "volume"))
-    return {
-        **{name: metric.function(phase) for name, metric in METRICS.items()},
-        "kind": structure.kind,
-        "threshold": structure.threshold,
-        "solid": structure.solid,
-        "shape": list(whole.shape),
-        "voxel_size": list(whole.voxel_size),
-        "unit": whole.unit,
-    }
+METRICS: dict[str, Metric] = {metric.name: metric for metric in _TABLE}
+"""All metrics, by name, in the order of reading. One that is added here is known to `measure`,
+`compare`, their reports and the command line."""
+
+TRANSPORT_METRICS: dict[str, Metric] = {
+    metric.name: metric
+    for metric in (
+        *(
+            Metric(
+                f"effective_diffusivity_{axis}",
+                lambda s, axis=axis: s.transport.diffusion[axis].diffusivity,  # type: ignore[misc]
+                f"diffusivity of the pore along {axis}, relative to that without a solid",
+            )
+            for axis in AXES
+        ),
+        *(
+            Metric(
+                f"tortuosity_factor_{axis}",
+                lambda s, axis=axis: s.transport.diffusion[axis].tortuosity,  # type: ignore[misc]
+                f"porosity over relative diffusivity along {axis}",
+            )
+            for axis in AXES
+        ),
+        *(
+            Metric(
+                f"permeability_{axis}",
+                lambda s, axis=axis: s.transport.flow[axis].permeability,  # type: ignore[misc]
+                f"absolute permeability along {axis}",
+                power=2,
+            )
+            for axis in AXES
+        ),
+    )
+}
+"""Transport through the pore: solved only where it is asked for."""

@@ -12,10 +12,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-if TYPE_CHECKING:
-    from poresynth.comparison import Curve, Histogram
+from poresynth.report.words import explain
 
-__all__ = ["DARK", "LIGHT", "Theme", "draw", "energy", "histogram", "novelty", "two_point"]
+if TYPE_CHECKING:
+    from poresynth.comparison import Curve, Histogram, Samples
+
+__all__ = ["DARK", "LIGHT", "Theme", "boxes", "draw", "energy", "histogram", "novelty", "two_point"]
 
 RESOLUTION = 200  # dots an inch: sharp on screens of twice the usual density, and in print
 # An energy that falls by more than this factor needs a logarithmic axis.
@@ -80,6 +82,45 @@ def draw(plot: Callable[[Axes, Theme], None], theme: Theme, width: float = 4.6) 
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=RESOLUTION, transparent=True)
     return stream.getvalue()
+
+
+def boxes(samples: Mapping[str, Samples]) -> Callable[[Axes, Theme], None]:
+    """Plot metrics of parts of both volumes, each scaled to the range of the exemplar's parts."""
+
+    def plot(axes: Axes, theme: Theme) -> None:
+        names, own, new = [], [], []
+        for name, sample in samples.items():
+            both = [np.array(side)[np.isfinite(side)] for side in (sample.exemplar, sample.volume)]
+            if not len(both[0]) or not len(both[1]):
+                continue
+            low, reach = both[0].min(), np.ptp(both[0]) or abs(both[0].max()) or 1.0
+            names.append(explain(name)[0])
+            own.append((both[0] - low) / reach)
+            new.append((both[1] - low) / reach)
+        rows = np.arange(len(names), 0, -1)
+        look = {"color": theme.exemplar, "linewidth": 1.2}
+        axes.boxplot(
+            own,
+            positions=rows,
+            orientation="horizontal",
+            widths=0.5,
+            manage_ticks=False,
+            patch_artist=True,
+            boxprops={"facecolor": theme.faint, "edgecolor": theme.exemplar},
+            medianprops=look,
+            whiskerprops=look,
+            capprops=look,
+            flierprops={"markeredgecolor": theme.exemplar, "markersize": 4},
+        )
+        for row, values in zip(rows, new, strict=True):
+            axes.plot(values, np.full(len(values), row), "o", color=theme.volume, ms=2.5, alpha=0.5)
+            axes.plot([values.mean()] * 2, [row - 0.35, row + 0.35], color=theme.volume, lw=2)
+        axes.set_yticks(rows, names)
+        # A value far outside would squeeze all others: it stands at the edge.
+        axes.set_xlim(-1.5, 2.5)
+        axes.set_xlabel("0 and 1: least and greatest of the exemplar's parts")
+
+    return plot
 
 
 def two_point(curve: Curve) -> Callable[[Axes, Theme], None]:

@@ -23,8 +23,10 @@ __all__ = ["render"]
 
 # Headings of the table of figures, by the beginnings of the figures' names.
 GROUPS = {
-    "Structure": ("porosity", "phase", "two_point"),
-    "Connectivity": ("component", "floating", "largest"),
+    "What tells good from poor": ("end_point", "euler_density", "structure_error"),
+    "Amount and correlation": ("porosity", "phase", "two_point"),
+    "Connectivity": ("component", "floating", "largest", "connectivity"),
+    "Sizes and shapes": ("bv_", "bs_", "tb_", "mil_", "branch_", "solid_chord", "pore_chord"),
     "Gray values": ("histogram", "gradient", "seam"),
     "Novelty": ("novelty", "copy", "mean_copied"),
 }
@@ -36,6 +38,8 @@ TWO_POINT = {
     "two_point_y": "along y.",
     "two_point_x": "along x.",
 }
+# The parameters of the box plots of prieto_2011, Fig. 7.
+BOXES = ("bv_tv", "bs_bv", "tb_th", "tb_n", "tb_sp", "mil_mean", "euler_density")
 NOVELTY = re.compile(r"novelty_(\d+)$")
 # Width of a row of surfaces in pixels: twice the width on the page, for sharp screens.
 SURFACE_PIXELS = 1600
@@ -181,6 +185,13 @@ def _charts(comparison: Comparison, energy: Sequence[Any] | None) -> str:
         light, dark = (figures.draw(plot, theme) for theme in (figures.LIGHT, figures.DARK))
         charts.append(html.chart(title, says, light, dark))
 
+    boxes = {name: comparison.samples[name] for name in BOXES if name in comparison.samples}
+    if boxes:
+        says = (
+            "Each figure over parts of one size, scaled to the exemplar's range: boxes are the "
+            "exemplar's parts, points those of the new volume, and the line is their mean."
+        )
+        add("Morphometry", says, figures.boxes(boxes))
     for name, says in TWO_POINT.items():
         add("Two-point correlation", says, figures.two_point(comparison.curves[name]))
     if "histogram" in comparison.curves:

@@ -9,6 +9,25 @@ __all__ = ["explain", "number"]
 
 # Label and question that the figure answers, by the figure's name.
 WORDS = {
+    "end_point_density": ("Dead ends", "Do more struts lead nowhere than in the exemplar?"),
+    "euler_density": ("Euler density", "Does the solid form as many loops as the exemplar?"),
+    "structure_error_percent": (
+        "Structure error",
+        "How far are connectivity, dead ends, thickness and surface off, on the whole?",
+    ),
+    "bv_tv": ("BV/TV", "How much of the volume is solid?"),
+    "bs_bv": ("BS/BV", "Has the solid as much surface as the exemplar's?"),
+    "tb_th": ("Tb.Th", "Are struts and walls as thick?"),
+    "tb_sp": ("Tb.Sp", "Are the pores as wide?"),
+    "tb_n": ("Tb.N", "Are there as many struts and walls on the way?"),
+    "mil_mean": ("MIL", "How long is the way from one strut or wall to the next?"),
+    "mil_anisotropy": ("Anisotropy DA", "Are struts and walls aligned as in the exemplar?"),
+    "largest_pore_fraction": ("Largest pore", "How much of the pore space holds together?"),
+    "connectivity_density": ("Conn.D", "Is the solid as strongly connected?"),
+    "branch_length": ("Branch length", "Are the struts as long?"),
+    "branch_tortuosity": ("Branch tortuosity", "Are the struts as bent?"),
+    "solid_chord": ("Solid chords", "How long is the way through the solid?"),
+    "pore_chord": ("Pore chords", "How long is the way through the pore?"),
     "porosity": ("Porosity", "How much of the volume is pore?"),
     "porosity_error_percent": ("Porosity error", "How far is the porosity from the exemplar's?"),
     "two_point_error_percent": (

@@ -1,4 +1,4 @@
-"""A synthetic volume beside its exemplar, in numbers.
+"""Measuring a synthetic volume and its exemplar in the same way.
 
 Every figure stands against the exemplar's own spread: the same quantity of random sub-volumes of
 the exemplar, which says how much one specimen of the material differs from another.
@@ -15,209 +15,28 @@ import numpy as np
 import numpy.typing as npt
 
 from poresynth import metrics
+from poresynth.comparison.result import Comparison, Curve, Figures, Histogram, Samples
 from poresynth.errors import ParameterError
 from poresynth.metrics.arguments import whole_number
-from poresynth.metrics.connectivity import FLOATING, size_distance
+from poresynth.metrics.connectivity import FLOATING, largest_share, size_distance
 from poresynth.metrics.copying import EDGES
 from poresynth.metrics.correlation import R_MAX, relative_error
 from poresynth.metrics.intensity import count_levels
+from poresynth.metrics.registry import METRICS
+from poresynth.metrics.specimen import Specimen
 from poresynth.metrics.structure import Structure, first_channel
 from poresynth.preprocess import is_two_valued
 from poresynth.volume import Volume, as_volume
 
-__all__ = ["Comparison", "Curve", "Figure", "Histogram", "compare", "mark"]
+__all__ = ["compare"]
 
-Mark = Literal["pass", "near", "off", "info"]
-Better = Literal["equal", "smaller", "larger"]
 _Phase = npt.NDArray[np.bool_]
 _Voxels = npt.NDArray[Any]
 
 # Most bins of a histogram.
 BINS = 128
-
-
-@dataclass(frozen=True)
-class Figure:
-    """One number of a comparison.
-
-    Parameters
-    ----------
-    name : str
-        Key in the JSON.
-    value : float
-        Of the synthetic volume; NaN where it is not defined.
-    exemplar : float or None
-        The same of the exemplar.
-    low, high : float or None
-        Range over the exemplar's sub-volumes.
-    mark : {"pass", "near", "off", "info"}
-        See `mark`; "info" where no judgement is meant.
-    unit : str
-        Unit; ``""`` for shares and counts.
-    description : str
-        What it is, and what is tolerated beside the range.
-    """
-
-    name: str
-    value: float
-    exemplar: float | None = None
-    low: float | None = None
-    high: float | None = None
-    mark: Mark = "info"
-    unit: str = ""
-    description: str = ""
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A two-point correlation.
-
-    Parameters
-    ----------
-    r : list of int
-        Distances, voxels.
-    volume, exemplar : list of float
-        The two curves.
-    low, high : list of float
-        Range over the exemplar's sub-volumes.
-    """
-
-    r: list[int]
-    volume: list[float]
-    exemplar: list[float]
-    low: list[float]
-    high: list[float]
-
-
-@dataclass(frozen=True)
-class Histogram:
-    """Distributions of gray values.
-
-    Parameters
-    ----------
-    edges : list of float
-        Edges of the bins, one more than bins.
-    volume, exemplar : list of float
-        Share of the voxels in each bin.
-    """
-
-    edges: list[float]
-    volume: list[float]
-    exemplar: list[float]
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """What `compare` found.
-
-    Parameters
-    ----------
-    figures : dict of str to Figure
-        By name, in the order of reading.
-    curves : dict of str to Curve or Histogram
-        ``two_point``, ``two_point_z``, ``two_point_y``, ``two_point_x``; for gray volumes
-        ``histogram``.
-    threshold : float
-        The exemplar's value that parts solid from pore.
-    solid : {"bright", "dark"}
-        Which side is solid.
-    kind : {"gray", "binary", "label"}
-        What the exemplar's values mean.
-    subvolume_shape : (int, int, int)
-        Shape of the sub-volumes.
-    voxel_size : (float, float, float)
-        Of the synthetic volume.
-    unit : str
-        Unit of the voxel size; ``"voxel"`` if it is unknown.
-    """
-
-    figures: dict[str, Figure]
-    curves: dict[str, Any]
-    threshold: float
-    solid: Literal["bright", "dark"]
-    kind: Literal["gray", "binary", "label"]
-    subvolume_shape: tuple[int, int, int]
-    voxel_size: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    unit: str = "voxel"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as flat JSON.
-
-        Each under its name, and what is known of it under ``<name>_exemplar``, ``<name>_low``,
-        ``<name>_high`` and ``<name>_mark``; undefined numbers are None. Lengths are in voxels and,
-        if the voxel size is known, as ``<name>_in_unit`` in ``unit`` (of voxels that are not
-        cubic, by the cube root of their volume).
-        """
-        result: dict[str, Any] = {}
-        edge = math.prod(self.voxel_size) ** (1 / 3)
-        for name, figure in self.figures.items():
-            numbers = {
-                name: figure.value,
-                f"{name}_exemplar": figure.exemplar,
-                f"{name}_low": figure.low,
-                f"{name}_high": figure.high,
-            }
-            if figure.unit == "voxel" and self.unit != "voxel":
-                numbers[f"{name}_in_unit"] = figure.value * edge
-            result |= {
-                key: _json_number(value)
-                for key, value in numbers.items()
-                if value is not None or key == name
-            }
-            result[f"{name}_mark"] = figure.mark
-        return result | {
-            "kind": self.kind,
-            "threshold": self.threshold,
-            "solid": self.solid,
-            "subvolume_shape": list(self.subvolume_shape),
-            "voxel_size": list(self.voxel_size),
-            "unit": self.unit,
-        }
-
-
-def mark(
-    value: float,
-    ideal: float,
-    low: float | None,
-    high: float | None,
-    *,
-    tolerance: float = 0.0,
-    better: Better = "equal",
-) -> Mark:
-    """Judge a figure: the one rule for all of them.
-
-    Parameters
-    ----------
-    value : float
-        The figure.
-    ideal : float
-        What it would be at best: the exemplar's own value, 0 for an error, 1 for a ratio.
-    low, high : float or None
-        Range over the exemplar's sub-volumes.
-    tolerance : float, default 0
-        Deviation from the ideal that is accepted even if the range is narrower.
-    better : {"equal", "smaller", "larger"}, default "equal"
-        A figure of which less (or more) is better is not judged on that side of the ideal.
-
-    Returns
-    -------
-    {"pass", "near", "off", "info"}
-        "pass" inside the range, which always reaches from the ideal as far as the tolerance;
-        "near" inside the range when it is stretched to twice its reach from the ideal; "off"
-        beyond; "info" for an undefined value.
-    """
-    if math.isnan(value) or math.isnan(ideal):
-        return "info"
-    deviation = value - ideal
-    if (better == "smaller" and deviation <= 0) or (better == "larger" and deviation >= 0):
-        return "pass"
-    if deviation > 0:
-        reach = max(tolerance, high - ideal if high is not None else 0.0)
-    else:
-        reach = max(tolerance, ideal - low if low is not None else 0.0)
-    if abs(deviation) <= reach:
-        return "pass"
-    return "near" if abs(deviation) <= 2 * reach else "off"
+# Windows of a smaller edge hold no structure to compare.
+SMALLEST_WINDOW = 16
 
 
 def compare(
@@ -260,6 +79,11 @@ def compare(
     Comparison
         Its figures, judged by `mark`:
 
+        - ``end_point_density``, ``euler_density``, then thicknesses, surface, fabric and all else in
+          `poresynth.metrics.METRICS` that has a tolerance: means over sub-volumes of one size in
+          both, beside the range over the exemplar's. The first two tell a good structure from a
+          poor one.
+        - ``structure_error_percent``: `poresynth.metrics.structure_error`.
         - ``porosity``, and of labels ``phase_fraction_<label>``: shares of the volume.
         - ``porosity_error_percent``: 100 · |ε_E − ε_S| / ε_E.
         - ``two_point_error_percent``: D2 of `poresynth.metrics.two_point_error`, r = 1 … 50.
@@ -300,18 +124,22 @@ def compare(
     parts_e, parts_v = (whole.parts((z, y, x), count, random) for whole in (e, v))
     tell = progress or (lambda stage, share: None)
 
-    figures = _Figures()
+    figures = Figures()
     tell("comparing structure", 0.0)
+    samples = _add_metrics(figures, parts_e, parts_v, whole_v.voxel_size, threads)
+    tell("comparing windows", 0.2)
+    _add_structure_error(figures, e, v, threads)
+    tell("comparing correlations", 0.4)
     _add_amounts(figures, structure, e, v, parts_e)
     curves = _add_correlation(figures, e, v, parts_e, threads)
     _add_components(figures, e, v, parts_e, parts_v, threads)
-    tell("comparing gray values", 0.2)
+    tell("comparing gray values", 0.5)
     _add_sharpness(figures, e, v, parts_e)
     if structure.kind == "gray":
         curves["histogram"] = _add_gray_levels(figures, e, v, parts_e)
     _add_copying(figures, whole_v)
     for i, edge in enumerate(EDGES):
-        tell("looking for copies", 0.4 + 0.2 * i)
+        tell("looking for copies", 0.55 + 0.15 * i)
         _add_novelty(figures, e, v, edge, seed, threads)
     tell("looking for copies", 1.0)
     return Comparison(
@@ -321,6 +149,7 @@ def compare(
         solid=structure.solid,
         kind=structure.kind,
         subvolume_shape=(z, y, x),
+        samples=samples,
         voxel_size=whole_v.voxel_size,
         unit=whole_v.unit,
     )
@@ -354,34 +183,59 @@ def _specimens(exemplar: Volume, volume: Volume, structure: Structure) -> Iterat
         yield _Specimen(solid if binary else gray, solid)
 
 
-class _Figures(dict[str, Figure]):
-    """Figures by name."""
+def _add_metrics(
+    figures: Figures,
+    parts_e: list[_Specimen],
+    parts_v: list[_Specimen],
+    voxel_size: tuple[float, float, float],
+    threads: int,
+) -> dict[str, Samples]:
+    chosen = [metric for metric in METRICS.values() if metric.tolerance is not None]
+    sides: list[list[list[float]]] = []
+    for parts in (parts_e, parts_v):
+        specimens = (Specimen(part.solid, voxel_size, threads) for part in parts)
+        sides.append([[metric.function(s) for metric in chosen] for s in specimens])
+    samples = {}
+    for i, metric in enumerate(chosen):
+        own, new = ([float(values[i]) for values in side] for side in sides)
+        samples[metric.name] = Samples(own, new)
+        mean = _mean(own)
+        tolerance = (metric.tolerance or 0.0) * abs(mean)
+        figures.add(
+            metric.name,
+            _mean(new),
+            f"{metric.description}; ± {100 * (metric.tolerance or 0):.0f} % passes",
+            exemplar=mean,
+            parts=own,
+            power=metric.power,
+            tolerance=tolerance,
+            better=metric.better,
+        )
+    return samples
 
-    def add(
-        self,
-        name: str,
-        value: float,
-        description: str,
-        *,
-        exemplar: float | None = None,
-        parts: Iterable[float] = (),
-        unit: str = "",
-        ideal: float | None = None,
-        tolerance: float | None = None,
-        better: Better = "equal",
-    ) -> None:
-        """Add a figure, judged if a tolerance is given; the ideal is the exemplar's value."""
-        defined = [float(p) for p in parts if not math.isnan(p)]
-        low, high = (min(defined), max(defined)) if defined else (None, None)
-        ideal = exemplar if ideal is None else ideal
-        verdict: Mark = "info"
-        if tolerance is not None and ideal is not None:
-            verdict = mark(value, ideal, low, high, tolerance=tolerance, better=better)
-        self[name] = Figure(name, value, exemplar, low, high, verdict, unit, description)
+
+def _mean(values: list[float]) -> float:
+    known = [value for value in values if math.isfinite(value)]
+    return float(np.mean(known)) if known else float("nan")
+
+
+def _add_structure_error(figures: Figures, e: _Specimen, v: _Specimen, threads: int) -> None:
+    shortest = min(*e.solid.shape, *v.solid.shape)
+    if shortest // 2 < SMALLEST_WINDOW:
+        return
+    figures.add(
+        "structure_error_percent",
+        metrics.structure_error(e.solid, v.solid, threads=threads).percent,
+        "mean difference of connectivity, dead ends, thickness and surface; 6 % passes",
+        exemplar=0.0,
+        unit="%",
+        tolerance=6.0,
+        better="smaller",
+    )
 
 
 def _add_amounts(
-    figures: _Figures, structure: Structure, e: _Specimen, v: _Specimen, parts: list[_Specimen]
+    figures: Figures, structure: Structure, e: _Specimen, v: _Specimen, parts: list[_Specimen]
 ) -> None:
     own, new, *others = (metrics.porosity(s.solid) for s in (e, v, *parts))
 
@@ -414,7 +268,7 @@ def _add_amounts(
 
 
 def _add_correlation(
-    figures: _Figures, e: _Specimen, v: _Specimen, parts: list[_Specimen], threads: int
+    figures: Figures, e: _Specimen, v: _Specimen, parts: list[_Specimen], threads: int
 ) -> dict[str, Any]:
     own, new, *others = (
         metrics.two_point_correlation(s.solid, threads=threads) for s in (e, v, *parts)
@@ -446,7 +300,7 @@ def _add_correlation(
 
 
 def _add_components(
-    figures: _Figures,
+    figures: Figures,
     e: _Specimen,
     v: _Specimen,
     parts_e: list[_Specimen],
@@ -455,9 +309,6 @@ def _add_components(
 ) -> None:
     def sizes(specimen: _Specimen) -> npt.NDArray[np.uint64]:
         return metrics.component_sizes(specimen.solid, threads=threads)
-
-    def largest(found: npt.NDArray[np.uint64]) -> float:
-        return float(found.max() / found.sum()) if len(found) else 0.0
 
     own, new = sizes(e), sizes(v)
     own_parts, new_parts = ([sizes(part) for part in parts] for parts in (parts_e, parts_v))
@@ -485,10 +336,10 @@ def _add_components(
         )
     figures.add(
         "largest_component_fraction",
-        largest(new),
+        largest_share(new),
         "share of the solid in its largest part; 0.01 less passes",
-        exemplar=largest(own),
-        parts=map(largest, own_parts),
+        exemplar=largest_share(own),
+        parts=map(largest_share, own_parts),
         tolerance=0.01,
         better="larger",
     )
@@ -506,7 +357,7 @@ def _add_components(
     )
 
 
-def _add_sharpness(figures: _Figures, e: _Specimen, v: _Specimen, parts: list[_Specimen]) -> None:
+def _add_sharpness(figures: Figures, e: _Specimen, v: _Specimen, parts: list[_Specimen]) -> None:
     figures.add(
         "gradient_ratio",
         metrics.gradient_ratio(e.gray, v.gray),
@@ -526,7 +377,7 @@ def _add_sharpness(figures: _Figures, e: _Specimen, v: _Specimen, parts: list[_S
 
 
 def _add_gray_levels(
-    figures: _Figures, e: _Specimen, v: _Specimen, parts: list[_Specimen]
+    figures: Figures, e: _Specimen, v: _Specimen, parts: list[_Specimen]
 ) -> Histogram:
     new, *others = (metrics.histogram_distance(e.gray, s.gray) for s in (v, *parts))
     figures.add(
@@ -560,17 +411,17 @@ def _add_gray_levels(
     return Histogram(edges.tolist(), *shares)
 
 
-def _add_copying(figures: _Figures, volume: Volume) -> None:
+def _add_copying(figures: Figures, volume: Volume) -> None:
     record = volume.metadata.get("poresynth", {}).get("copying") or {}
     if "copy_fraction" in record:
         figures.add("copy_fraction", record["copy_fraction"], "share of verbatim continuations")
     if "mean_copied_block" in record:
         what = "edge of the mean verbatim block, weighted by volume"
-        figures.add("mean_copied_block", record["mean_copied_block"], what, unit="voxel")
+        figures.add("mean_copied_block", record["mean_copied_block"], what, power=1)
 
 
 def _add_novelty(
-    figures: _Figures, e: _Specimen, v: _Specimen, edge: int, seed: int, threads: int
+    figures: Figures, e: _Specimen, v: _Specimen, edge: int, seed: int, threads: int
 ) -> None:
     found = metrics.novelty(e.gray, v.gray, edge, seed=seed, threads=threads)
     what = f"blocks of {edge}³: 0 is copied, 1 as new as another specimen"
@@ -586,7 +437,3 @@ def _add_novelty(
             tolerance=0.4,
             better="larger",
         )
-
-
-def _json_number(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
