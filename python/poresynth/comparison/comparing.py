@@ -79,10 +79,10 @@ def compare(
     Comparison
         Its figures, judged by `mark`:
 
-        - ``end_point_density``, ``euler_density``, then thicknesses, surface, fabric and all else in
-          `poresynth.metrics.METRICS` that has a tolerance: means over sub-volumes of one size in
-          both, beside the range over the exemplar's. The first two tell a good structure from a
-          poor one.
+        - ``end_point_density``, ``euler_density``, then thicknesses, surface, fabric and all else
+          in `poresynth.metrics.METRICS` that has a tolerance: means over sub-volumes of one size
+          in both, beside the range over the exemplar's. The first two tell a good structure from
+          a poor one.
         - ``structure_error_percent``: `poresynth.metrics.structure_error`.
         - ``porosity``, and of labels ``phase_fraction_<label>``: shares of the volume.
         - ``porosity_error_percent``: 100 · |ε_E − ε_S| / ε_E.
