@@ -17,7 +17,9 @@ __all__ = [
     "label",
     "novelty",
     "ranks_by_phase",
+    "secants",
     "signed_distance",
+    "surface_area",
     "synthesize",
     "two_point",
 ]
@@ -104,6 +106,22 @@ def component_sizes(
 def two_point(
     solid: npt.NDArray[np.bool_], r_max: int, *, boundary: str, threads: int = 0
 ) -> list[npt.NDArray[np.float64]]: ...
+def secants(
+    solid: npt.NDArray[np.bool_],
+    reach: int,
+    voxel_size: tuple[float, float, float],
+    *,
+    boundary: str,
+    threads: int = 0,
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
+def surface_area(
+    solid: npt.NDArray[np.bool_],
+    voxel_size: tuple[float, float, float],
+    *,
+    method: str,
+    boundary: str,
+    threads: int = 0,
+) -> tuple[float, float]: ...
 def novelty(
     exemplar: npt.NDArray[np.float32],
     volume: npt.NDArray[np.float32],

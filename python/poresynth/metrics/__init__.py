@@ -21,6 +21,7 @@ from poresynth.metrics.correlation import (
     two_point_correlation,
     two_point_error,
 )
+from poresynth.metrics.fabric import Fabric, mean_intercept_length
 from poresynth.metrics.fractions import porosity
 from poresynth.metrics.intensity import (
     HistogramDistance,
@@ -29,14 +30,19 @@ from poresynth.metrics.intensity import (
     mean_gradient,
     seam,
 )
+from poresynth.metrics.morphometry import Morphometry, morphometry
 from poresynth.metrics.registry import METRICS, Metric, measure, metric
+from poresynth.metrics.surface import SurfaceArea, surface_area
 
 __all__ = [
     "METRICS",
     "Components",
+    "Fabric",
     "HistogramDistance",
     "Metric",
+    "Morphometry",
     "Novelty",
+    "SurfaceArea",
     "TwoPointCorrelation",
     "component_sizes",
     "component_wasserstein",
@@ -47,11 +53,14 @@ __all__ = [
     "label",
     "largest_component_fraction",
     "mean_gradient",
+    "mean_intercept_length",
     "measure",
     "metric",
+    "morphometry",
     "novelty",
     "porosity",
     "seam",
+    "surface_area",
     "two_point_correlation",
     "two_point_error",
 ]

@@ -1,5 +1,13 @@
-//! Distances.
+//! Distances, surfaces, directions.
 
+pub mod changes;
+pub mod configurations;
+pub mod directions;
 pub mod distance;
+pub mod marching_cubes;
+mod packed;
+pub mod secants;
+pub mod surface;
 
 pub use distance::{capped_distance, signed_distance};
+pub use packed::Step;
