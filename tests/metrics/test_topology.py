@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -169,15 +170,14 @@ def test_corrected_numbers_of_tiles_add_up(connectivity: int, rng: np.random.Gen
     # Tiles share their border planes; the last of an axis shares the volume's first plane.
     solid = rng.random((12, 9, 10)) < 0.4
     cuts = [[0, 5, 7, 12], [0, 4, 9], [0, 1, 6, 10]]
-    total = 0.0
-    for z in zip(cuts[0], cuts[0][1:], strict=False):
-        for y in zip(cuts[1], cuts[1][1:], strict=False):
-            for x in zip(cuts[2], cuts[2][1:], strict=False):
-                places = [np.arange(a, b + 1) % n for (a, b), n in zip((z, y, x), solid.shape)]
-                tile = solid[np.ix_(*places)]
-                total += metrics.connectivity_density(
-                    tile, connectivity=connectivity
-                ).edge_corrected
+    spans = [
+        [np.arange(a, b + 1) % n for a, b in itertools.pairwise(ends)]
+        for ends, n in zip(cuts, solid.shape, strict=True)
+    ]
+    total = sum(
+        metrics.connectivity_density(solid[np.ix_(*span)], connectivity=connectivity).edge_corrected
+        for span in itertools.product(*spans)
+    )
     assert total == metrics.euler_number(solid, connectivity=connectivity, boundary="periodic")
     assert total == twin.euler_number(solid, connectivity, "periodic")
 

@@ -36,7 +36,7 @@ pub(super) fn component_statistics<'py>(
     let boundary: Boundary = boundary.parse()?;
     let labels = labels.then(|| PyArray3::zeros(py, solid.dims(), solid.is_fortran_contiguous()));
     let solid = solid.as_array();
-    let mut writable = labels.as_ref().map(|labels| labels.readwrite());
+    let mut writable = labels.as_ref().map(PyArrayMethods::readwrite);
     let view = writable.as_mut().map(|labels| labels.as_array_mut());
     let found = cancellable::run(py, threads, None, |monitor| {
         statistics::component_statistics(solid, connectivity, boundary, view, monitor)

@@ -275,16 +275,20 @@ pub(super) fn for_each_contact(
         if start_a < end_b + reach && start_b < end_a + reach {
             touch(i, j);
         }
-        if end_a < end_b {
-            i += 1;
-        } else {
-            j += 1;
-        }
+        // Without a branch, which could not be foretold.
+        let a_ends_first = end_a < end_b;
+        i += usize::from(a_ends_first);
+        j += usize::from(!a_ends_first);
     }
 }
 
 /// Joins two trees; the smaller root wins.
+#[inline(always)]
 fn unite(parents: &mut [u32], a: u32, b: u32) {
+    // Most runs that touch have been united already, by way of a third.
+    if parents[a as usize] == parents[b as usize] {
+        return;
+    }
     let (a, b) = (root(parents, a), root(parents, b));
     if a < b {
         parents[b as usize] = a;
@@ -294,6 +298,7 @@ fn unite(parents: &mut [u32], a: u32, b: u32) {
 }
 
 /// Root of a tree; halves the path to it on the way.
+#[inline(always)]
 fn root(parents: &mut [u32], mut run: u32) -> u32 {
     loop {
         let parent = parents[run as usize];

@@ -94,10 +94,15 @@ pub(super) fn paint<T: Tally + Sync, V: Copy + Send>(
     planes.into_par_iter().zip(&forest.slabs).for_each(|(mut planes, slab)| {
         let mut components = forest.components[slab.first_run..].iter();
         for (mut row, runs) in planes.rows_mut().into_iter().zip(slab.rows()) {
-            for (&[start, end], &component) in runs.iter().zip(&mut components) {
-                if let Some(value) = value(component) {
-                    row.slice_mut(s![start as usize..end as usize]).fill(value);
-                }
+            let runs =
+                runs.iter().zip(&mut components).filter_map(|(&[start, end], &component)| {
+                    Some((start as usize..end as usize, value(component)?))
+                });
+            // Slices of slices cost much less than slices of views, which tells for short runs.
+            if let Some(row) = row.as_slice_mut() {
+                runs.for_each(|(run, value)| row[run].fill(value));
+            } else {
+                runs.for_each(|(run, value)| row.slice_mut(s![run]).fill(value));
             }
         }
     });

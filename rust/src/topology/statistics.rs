@@ -153,3 +153,67 @@ impl Tally for Moments {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array3;
+
+    use super::*;
+
+    fn found(solid: &Array3<bool>, boundary: Boundary) -> Vec<Component> {
+        let view = solid.view();
+        component_statistics(view, Connectivity::Faces, boundary, None, &Monitor::silent()).unwrap()
+    }
+
+    #[test]
+    fn a_part_across_the_border_is_seen_in_one_piece() {
+        let mut solid = Array3::from_elem((4, 5, 6), false);
+        for at in [[3, 4, 5], [0, 4, 5], [3, 0, 5], [3, 4, 0]] {
+            solid[at] = true;
+        }
+        assert_eq!(found(&solid, Boundary::Open).len(), 4);
+        let expected = Component {
+            size: 4,
+            bounds: [[3, 5], [4, 6], [5, 7]],
+            centroid: [3.25, 4.25, 5.25],
+            spans: [false; 3],
+        };
+        assert_eq!(found(&solid, Boundary::Periodic), [expected]);
+        let fortran = solid.t().as_standard_layout().into_owned().reversed_axes();
+        assert_eq!(found(&fortran, Boundary::Periodic), [expected]);
+    }
+
+    #[test]
+    fn a_part_that_goes_round_has_no_middle() {
+        let mut solid = Array3::from_elem((3, 3, 4), false);
+        solid.slice_mut(ndarray::s![1, 2, ..]).fill(true);
+        let [component] = found(&solid, Boundary::Periodic)[..] else { panic!("one component") };
+        assert_eq!(component.spans, [false, false, true]);
+        assert_eq!(component.bounds, [[1, 2], [2, 3], [0, 4]]);
+        assert_eq!(component.centroid[..2], [1.0, 2.0]);
+        assert!(component.centroid[2].is_nan());
+    }
+
+    #[test]
+    fn cavities_do_not_touch_the_border() {
+        let mut solid = Array3::from_elem((5, 5, 5), true);
+        solid[[2, 2, 2]] = false;
+        solid[[0, 2, 2]] = false;
+        let count = |solid: &Array3<bool>| {
+            enclosed_components(solid.view(), false, Connectivity::Faces, &Monitor::silent())
+        };
+        assert_eq!(count(&solid).unwrap(), 1);
+        solid[[1, 2, 2]] = false;
+        assert_eq!(count(&solid).unwrap(), 0);
+    }
+
+    #[test]
+    fn no_voxels() {
+        for shape in [(0, 3, 4), (3, 0, 4), (3, 4, 0)] {
+            let solid = Array3::from_elem(shape, true);
+            for boundary in [Boundary::Open, Boundary::Periodic] {
+                assert!(found(&solid, boundary).is_empty());
+            }
+        }
+    }
+}
