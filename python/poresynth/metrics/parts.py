@@ -110,8 +110,8 @@ def component_statistics(
 
     Notes
     -----
-    Peak memory: 12 bytes a run of voxels along the rows, 400 bytes a component, and 4 bytes a voxel
-    for labels.
+    Peak memory: 1 bit a voxel, 12 bytes a run of voxels along the rows, 400 bytes a component, and
+    4 bytes a voxel for labels.
     """
     array = as_phase(solid, phase=phase)
     return ComponentStatistics(
@@ -151,7 +151,7 @@ def percolation(
 
     Notes
     -----
-    Peak memory: 12 bytes a run of voxels along the rows and 400 bytes a component.
+    Peak memory: 1 bit a voxel, 12 bytes a run of voxels along the rows and 400 bytes a component.
     """
     found = component_statistics(
         solid, phase=phase, connectivity=connectivity, boundary=boundary, threads=threads
@@ -191,7 +191,7 @@ def remove_small_parts(
 
     Notes
     -----
-    Peak memory: 1 byte a voxel (the result) and 12 bytes a run of voxels along the rows.
+    Peak memory: 9 bits a voxel (8 for the result) and 12 bytes a run of voxels along the rows.
     """
     size = whole_number("size", size, 0)
     array = as_phase(solid, phase=phase)
@@ -232,7 +232,7 @@ def largest_part(
 
     Notes
     -----
-    Peak memory: 1 byte a voxel (the result) and 12 bytes a run of voxels along the rows.
+    Peak memory: 9 bits a voxel (8 for the result) and 12 bytes a run of voxels along the rows.
     """
     return _core.keep_parts(
         as_phase(solid, phase=phase),

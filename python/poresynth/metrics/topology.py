@@ -283,8 +283,8 @@ def betti_numbers(
     b0 counts the components of the phase, b2 those of the complement, in its own connectivity, that
     do not touch the border; b1 = b0 + b2 − χ.
 
-    Peak memory: 12 bytes a run of voxels along the rows, and 80 bytes a component of the
-    complement.
+    Peak memory: 1 bit a voxel, 12 bytes a run of voxels along the rows, and 80 bytes a component of
+    the complement.
     """
     array = as_phase(solid, phase=phase)
     pair = _pair(connectivity)

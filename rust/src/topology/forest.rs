@@ -7,6 +7,7 @@
 use ndarray::{ArrayView3, Axis};
 use rayon::prelude::*;
 
+use super::contacts::unite_plane;
 use super::labelling::Connectivity;
 use super::runs::{Run, Slab};
 use super::seams::Seams;
@@ -67,7 +68,6 @@ impl<T: Tally> Forest<T> {
         }
         // More slabs than threads even out the load; their seams cost a plane each.
         let thickness = nz.div_ceil(4 * rayon::current_num_threads()).max(1);
-        let neighbours = Neighbours { connectivity, rows: ny };
 
         let chunks: Vec<_> = volume.axis_chunks_iter(Axis(0), thickness).collect();
         let grown = chunks
@@ -77,10 +77,8 @@ impl<T: Tally> Forest<T> {
                 let mut parents: Vec<u32> = (0..slab.runs.len() as u32).collect();
                 for z in 0..slab.planes {
                     monitor.check()?;
-                    neighbours.unite_within(&slab, z, &mut parents);
-                    if z > 0 {
-                        neighbours.unite_planes((&slab, z - 1, 0), (&slab, z, 0), &mut parents);
-                    }
+                    let below = z.checked_sub(1).map(|z| slab.plane(z, 0));
+                    unite_plane(connectivity, slab.plane(z, 0), true, below, &mut parents);
                 }
                 Ok((slab, parents))
             })
@@ -98,11 +96,9 @@ impl<T: Tally> Forest<T> {
         }
         for pair in slabs.windows(2) {
             let (below, above) = (&pair[0], &pair[1]);
-            neighbours.unite_planes(
-                (below, below.planes - 1, below.first_run as u32),
-                (above, 0, above.first_run as u32),
-                &mut parents,
-            );
+            let top = below.plane(below.planes - 1, below.first_run as u32);
+            let plane = above.plane(0, above.first_run as u32);
+            unite_plane(connectivity, plane, false, Some(top), &mut parents);
         }
         let mut forest = Self {
             reversed,
@@ -204,109 +200,5 @@ impl<T: Tally> Forest<T> {
             self.winding = order.iter().map(|&old| self.winding[old as usize]).collect();
         }
         self.components.par_iter_mut().for_each(|component| *component = rank[*component as usize]);
-    }
-}
-
-/// Which rows and runs touch.
-struct Neighbours {
-    connectivity: Connectivity,
-    rows: usize,
-}
-
-impl Neighbours {
-    /// Unites runs inside one plane.
-    fn unite_within(&self, slab: &Slab, z: usize, parents: &mut [u32]) {
-        let reach = self.connectivity.reach(1);
-        for y in 1..self.rows {
-            unite_rows(slab.row(z, y - 1), slab.row(z, y), reach, parents);
-        }
-    }
-
-    /// Unites runs of two adjacent planes, each given as a slab, a plane in it, and what to add to
-    /// the slab's run numbers.
-    fn unite_planes(
-        &self,
-        (below, z_below, add_below): (&Slab, usize, u32),
-        (above, z_above, add_above): (&Slab, usize, u32),
-        parents: &mut [u32],
-    ) {
-        let shift = |(runs, first): (_, u32), add| (runs, first + add);
-        for y in 0..self.rows {
-            let row = shift(above.row(z_above, y), add_above);
-            if row.0.is_empty() {
-                continue;
-            }
-            let mut unite_with = |y: usize, steps| {
-                let other = shift(below.row(z_below, y), add_below);
-                unite_rows(other, row, self.connectivity.reach(steps), parents);
-            };
-            unite_with(y, 1);
-            if y > 0 {
-                unite_with(y - 1, 2);
-            }
-            if y + 1 < self.rows {
-                unite_with(y + 1, 2);
-            }
-        }
-    }
-}
-
-/// Unites the runs of two rows that touch within `reach`.
-fn unite_rows(
-    (a, first_a): (&[Run], u32),
-    (b, first_b): (&[Run], u32),
-    reach: Option<u32>,
-    parents: &mut [u32],
-) {
-    let Some(reach) = reach else { return };
-    for_each_contact(a, b, reach, |i, j| unite(parents, first_a + i as u32, first_b + j as u32));
-}
-
-/// Calls `touch` for each pair of runs that lie within `reach` of each other.
-#[inline(always)]
-pub(super) fn for_each_contact(
-    a: &[Run],
-    b: &[Run],
-    reach: u32,
-    mut touch: impl FnMut(usize, usize),
-) {
-    let (mut i, mut j) = (0, 0);
-    while let (Some(&[start_a, end_a]), Some(&[start_b, end_b])) = (a.get(i), b.get(j)) {
-        if start_a < end_b + reach && start_b < end_a + reach {
-            touch(i, j);
-        }
-        // Without a branch, which could not be foretold.
-        let a_ends_first = end_a < end_b;
-        i += usize::from(a_ends_first);
-        j += usize::from(!a_ends_first);
-    }
-}
-
-/// Joins two trees; the smaller root wins.
-#[inline(always)]
-fn unite(parents: &mut [u32], a: u32, b: u32) {
-    // Most runs that touch have been united already, by way of a third.
-    if parents[a as usize] == parents[b as usize] {
-        return;
-    }
-    let (a, b) = (root(parents, a), root(parents, b));
-    if a < b {
-        parents[b as usize] = a;
-    } else {
-        parents[a as usize] = b;
-    }
-}
-
-/// Root of a tree; halves the path to it on the way.
-#[inline(always)]
-fn root(parents: &mut [u32], mut run: u32) -> u32 {
-    loop {
-        let parent = parents[run as usize];
-        if parent == run {
-            return run;
-        }
-        let grandparent = parents[parent as usize];
-        parents[run as usize] = grandparent;
-        run = grandparent;
     }
 }

@@ -47,7 +47,7 @@ impl Connectivity {
 /// Labels the components of the true voxels: writes 1, 2, … into `labels`, which must be zero, in C
 /// order of the components' first voxels. Returns the sizes in voxels of components 1, 2, …
 ///
-/// Fastest where both have contiguous rows along x, or both along z. Peak memory: 12 bytes a run.
+/// Fastest where both have contiguous rows along x, or both along z. Peak memory: 1 bit a voxel and 12 bytes a run.
 pub fn label(
     solid: ArrayView3<'_, bool>,
     connectivity: Connectivity,
@@ -62,7 +62,7 @@ pub fn label(
 
 /// Sizes in voxels of the components of the true voxels, in C order of their first voxels.
 ///
-/// Peak memory: 12 bytes a run.
+/// Peak memory: 1 bit a voxel and 12 bytes a run.
 pub fn component_sizes(
     solid: ArrayView3<'_, bool>,
     connectivity: Connectivity,

@@ -1,6 +1,7 @@
 //! What is connected to what.
 
 mod bits;
+mod contacts;
 pub mod euler;
 mod forest;
 pub mod labelling;

@@ -4,7 +4,8 @@
 //! from its parent. Where two parts of one tree touch at another distance than the tree says, the
 //! tree goes round the volume (Newman & Ziff 2001).
 
-use super::forest::{Forest, Tally, for_each_contact};
+use super::contacts::for_each_contact;
+use super::forest::{Forest, Tally};
 use super::labelling::Connectivity;
 use crate::error::Result;
 use crate::monitor::Monitor;

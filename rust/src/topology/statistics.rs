@@ -29,7 +29,7 @@ pub struct Component {
 /// Describes the components of the true voxels, in C order of their first voxels; writes their
 /// numbers 1, 2, … into `labels`, which must be zero.
 ///
-/// Peak memory: 12 bytes a run and 200 bytes a component.
+/// Peak memory: 1 bit a voxel and 12 bytes a run and 200 bytes a component.
 pub fn component_statistics(
     solid: ArrayView3<'_, bool>,
     connectivity: Connectivity,
@@ -57,7 +57,7 @@ pub fn component_statistics(
 /// Counts the components of the voxels that are `phase` which do not touch the border of an open
 /// volume.
 ///
-/// Peak memory: 12 bytes a run and 80 bytes a component.
+/// Peak memory: 1 bit a voxel and 12 bytes a run and 80 bytes a component.
 pub fn enclosed_components(
     volume: ArrayView3<'_, bool>,
     phase: bool,
