@@ -7,6 +7,7 @@ use ndarray::Array3;
 use poresynth_core::monitor::Monitor;
 use poresynth_core::rng::Key;
 use poresynth_core::topology::labelling::{Connectivity, component_sizes, label};
+use poresynth_core::topology::statistics::component_statistics;
 use poresynth_core::volume::Boundary;
 
 fn labelling(c: &mut Criterion) {
@@ -35,6 +36,12 @@ fn labelling(c: &mut Criterion) {
                 label(volume.view(), Connectivity::Corners, Boundary::Open, view, &silent)
             });
         });
+        for (name, boundary) in [("open", Boundary::Open), ("periodic", Boundary::Periodic)] {
+            let (corners, silent) = (Connectivity::Corners, Monitor::silent());
+            group.bench_function(format!("statistics, 26, {name}"), |b| {
+                b.iter(|| component_statistics(volume.view(), corners, boundary, None, &silent));
+            });
+        }
         group.finish();
     }
 }

@@ -10,10 +10,15 @@ __all__ = [
     "MatchMap",
     "__version__",
     "carry",
+    "cavities",
     "component_sizes",
+    "component_statistics",
     "cut_phases",
     "cut_solid",
+    "euler_corrected",
+    "euler_number",
     "gaussian",
+    "keep_parts",
     "label",
     "novelty",
     "ranks_by_phase",
@@ -103,6 +108,35 @@ def label(
 def component_sizes(
     solid: npt.NDArray[np.bool_], *, connectivity: int, boundary: str, threads: int = 0
 ) -> npt.NDArray[np.uint64]: ...
+def component_statistics(
+    solid: npt.NDArray[np.bool_],
+    *,
+    connectivity: int,
+    boundary: str,
+    labels: bool = False,
+    threads: int = 0,
+) -> tuple[
+    npt.NDArray[np.uint64],
+    npt.NDArray[np.int64],
+    npt.NDArray[np.float64],
+    npt.NDArray[np.bool_],
+    npt.NDArray[np.uint32] | None,
+]: ...
+def cavities(solid: npt.NDArray[np.bool_], *, connectivity: int, threads: int = 0) -> int: ...
+def keep_parts(
+    solid: npt.NDArray[np.bool_],
+    size: int | None,
+    *,
+    connectivity: int,
+    boundary: str,
+    threads: int = 0,
+) -> npt.NDArray[np.bool_]: ...
+def euler_number(
+    solid: npt.NDArray[np.bool_], *, connectivity: int, boundary: str, threads: int = 0
+) -> int: ...
+def euler_corrected(
+    solid: npt.NDArray[np.bool_], *, connectivity: int, threads: int = 0
+) -> tuple[int, int]: ...
 def two_point(
     solid: npt.NDArray[np.bool_], r_max: int, *, boundary: str, threads: int = 0
 ) -> list[npt.NDArray[np.float64]]: ...

@@ -110,6 +110,8 @@ def test_the_curve_is_pooled_over_volumes(rng: np.random.Generator) -> None:
     exemplar, first, second = (rng.random((44, 30, 30)) for _ in range(3))
     curve = metrics.novelty_curve(exemplar, [first, second], probes=4)
     assert list(curve) == [12, 20, 32]
-    alone = [metrics.novelty(exemplar, v, 12, probes=4, seed=i) for i, v in ((0, first), (1, second))]
+    alone = [
+        metrics.novelty(exemplar, v, 12, probes=4, seed=i) for i, v in ((0, first), (1, second))
+    ]
     assert curve[12].plain == pytest.approx(np.mean([found.plain for found in alone]))
     assert np.isnan(curve[32].plain)

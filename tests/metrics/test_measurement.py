@@ -62,9 +62,7 @@ def test_transport_is_solved_only_if_it_is_wanted() -> None:
     solid[:, :, :2] = True
     assert not set(metrics.TRANSPORT_METRICS) & set(metrics.measure(solid))
     shares: list[float] = []
-    found = metrics.measure(
-        solid, transport=True, progress=lambda _, share: shares.append(share)
-    )
+    found = metrics.measure(solid, transport=True, progress=lambda _, share: shares.append(share))
     assert found["effective_diffusivity_z"] == pytest.approx(0.75, rel=1e-3)
     assert found["tortuosity_factor_z"] == pytest.approx(1, rel=1e-3)
     assert found["effective_diffusivity_x"] == 0

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.references.structure_error import structure
 
 from poresynth import exemplars, metrics
 from poresynth.errors import ParameterError
-from tests.references.structure_error import structure
 
 EDGE = 24
 

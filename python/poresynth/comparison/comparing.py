@@ -7,7 +7,7 @@ the exemplar, which says how much one specimen of the material differs from anot
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 

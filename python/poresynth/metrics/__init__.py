@@ -15,7 +15,7 @@ from poresynth.metrics.connectivity import (
     label,
     largest_component_fraction,
 )
-from poresynth.metrics.copying import Novelty, novelty
+from poresynth.metrics.copying import Novelty, novelty, novelty_curve
 from poresynth.metrics.correlation import (
     TwoPointCorrelation,
     two_point_correlation,
@@ -30,37 +30,76 @@ from poresynth.metrics.intensity import (
     mean_gradient,
     seam,
 )
+from poresynth.metrics.measurement import measure
 from poresynth.metrics.morphometry import Morphometry, morphometry
-from poresynth.metrics.registry import METRICS, Metric, measure, metric
+from poresynth.metrics.parts import (
+    ComponentStatistics,
+    Percolation,
+    component_statistics,
+    largest_part,
+    percolation,
+    remove_small_parts,
+)
+from poresynth.metrics.registry import METRICS, TRANSPORT_METRICS, Metric, unit_of
+from poresynth.metrics.specimen import Specimen
+from poresynth.metrics.structure_error import StructureDifference, StructureError, structure_error
 from poresynth.metrics.surface import SurfaceArea, surface_area
+from poresynth.metrics.topology import (
+    BettiNumbers,
+    Connectivity,
+    EulerDensity,
+    betti_numbers,
+    connectivity_density,
+    euler_density,
+    euler_number,
+)
 
 __all__ = [
     "METRICS",
+    "TRANSPORT_METRICS",
+    "BettiNumbers",
+    "ComponentStatistics",
     "Components",
+    "Connectivity",
+    "EulerDensity",
     "Fabric",
     "HistogramDistance",
     "Metric",
     "Morphometry",
     "Novelty",
+    "Percolation",
+    "Specimen",
+    "StructureDifference",
+    "StructureError",
     "SurfaceArea",
     "TwoPointCorrelation",
+    "betti_numbers",
     "component_sizes",
+    "component_statistics",
     "component_wasserstein",
     "components",
+    "connectivity_density",
+    "euler_density",
+    "euler_number",
     "floating_parts",
     "gradient_ratio",
     "histogram_distance",
     "label",
     "largest_component_fraction",
+    "largest_part",
     "mean_gradient",
     "mean_intercept_length",
     "measure",
-    "metric",
     "morphometry",
     "novelty",
+    "novelty_curve",
+    "percolation",
     "porosity",
+    "remove_small_parts",
     "seam",
+    "structure_error",
     "surface_area",
     "two_point_correlation",
     "two_point_error",
+    "unit_of",
 ]

@@ -80,7 +80,7 @@ def label(
 
     Notes
     -----
-    Peak memory: 4 bytes a voxel (the labels) and 12 bytes a run of voxels along the rows.
+    Peak memory: 33 bits a voxel (32 for the labels) and 12 bytes a run of voxels along the rows.
     """
     return Components(
         *_core.label(as_phase(solid), connectivity=connectivity, boundary=boundary, threads=threads)
@@ -113,7 +113,7 @@ def component_sizes(
 
     Notes
     -----
-    Peak memory: 12 bytes a run of voxels along the rows.
+    Peak memory: 1 bit a voxel and 12 bytes a run of voxels along the rows.
     """
     phase = as_phase(solid)
     return _core.component_sizes(

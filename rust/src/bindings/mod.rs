@@ -2,7 +2,9 @@
 //! calls a kernel, maps the error and wraps the result; nothing else happens here.
 
 mod cancellable;
+mod components;
 mod correlation;
+mod euler;
 mod geometry;
 mod intensity;
 mod surface;
@@ -35,7 +37,11 @@ mod _core {
     use pyo3::prelude::*;
 
     #[pymodule_export]
+    use super::components::{cavities, component_statistics, keep_parts};
+    #[pymodule_export]
     use super::correlation::{novelty, two_point};
+    #[pymodule_export]
+    use super::euler::{euler_corrected, euler_number};
     #[pymodule_export]
     use super::geometry::signed_distance;
     #[pymodule_export]

@@ -1,13 +1,9 @@
-//! Connected components of a phase.
-//!
-//! Rows are cut into runs of solid voxels; touching runs are united in a forest whose roots are
-//! the smallest run of each tree. Slabs of planes are worked in parallel and then sewn together.
-//! Because runs are numbered in C order, a component is numbered by its first voxel, whatever the
-//! number of slabs or threads.
+//! Labels and sizes of the connected components of a phase.
 
 use ndarray::{ArrayView3, ArrayViewMut3, Axis, s};
 use rayon::prelude::*;
 
+use super::forest::{Forest, Tally};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 use crate::volume::Boundary;
@@ -39,7 +35,7 @@ impl TryFrom<i64> for Connectivity {
 impl Connectivity {
     /// How far two runs may miss each other along x and still touch, in rows that differ by one
     /// step along `steps` of the axes y and z; none if such rows never touch.
-    const fn reach(self, steps: usize) -> Option<u32> {
+    pub(super) const fn reach(self, steps: usize) -> Option<u32> {
         match (self, steps) {
             (Self::Faces, 1) | (Self::Edges, 2) => Some(0),
             (Self::Edges, 1) | (Self::Corners, _) => Some(1),
@@ -51,365 +47,66 @@ impl Connectivity {
 /// Labels the components of the true voxels: writes 1, 2, … into `labels`, which must be zero, in C
 /// order of the components' first voxels. Returns the sizes in voxels of components 1, 2, …
 ///
-/// Fastest where both have contiguous rows along x, or both along z. Peak memory: 12 bytes a run.
+/// Fastest where both have contiguous rows along x, or both along z. Peak memory: 1 bit a voxel and 12 bytes a run.
 pub fn label(
     solid: ArrayView3<'_, bool>,
     connectivity: Connectivity,
     boundary: Boundary,
-    mut labels: ArrayViewMut3<'_, u32>,
+    labels: ArrayViewMut3<'_, u32>,
     monitor: &Monitor<'_>,
 ) -> Result<Vec<u64>> {
-    if labels.dim() != solid.dim() {
-        return Err(Error::parameter("labels.shape", labels.dim(), "must be that of the volume"));
-    }
-    let forest = Forest::grow(solid, connectivity, boundary, monitor)?;
-    if forest.reversed {
-        labels = labels.reversed_axes();
-    }
-    let mut planes = Vec::with_capacity(forest.slabs.len());
-    for slab in &forest.slabs {
-        let (own, rest) = labels.split_at(Axis(0), slab.planes);
-        planes.push(own);
-        labels = rest;
-    }
-    planes.into_par_iter().zip(&forest.slabs).for_each(|(mut planes, slab)| {
-        let mut components = forest.components[slab.first_run..].iter();
-        for (mut row, runs) in planes.rows_mut().into_iter().zip(slab.rows()) {
-            for (&[start, end], component) in runs.iter().zip(&mut components) {
-                row.slice_mut(s![start as usize..end as usize]).fill(component + 1);
-            }
-        }
-    });
-    Ok(forest.sizes)
+    let forest = Forest::grow(solid, true, connectivity, boundary, monitor)?;
+    paint(&forest, labels, |component| Some(component + 1))?;
+    Ok(forest.tallies)
 }
 
 /// Sizes in voxels of the components of the true voxels, in C order of their first voxels.
 ///
-/// Peak memory: 12 bytes a run.
+/// Peak memory: 1 bit a voxel and 12 bytes a run.
 pub fn component_sizes(
     solid: ArrayView3<'_, bool>,
     connectivity: Connectivity,
     boundary: Boundary,
     monitor: &Monitor<'_>,
 ) -> Result<Vec<u64>> {
-    Ok(Forest::grow(solid, connectivity, boundary, monitor)?.sizes)
+    Ok(Forest::grow(solid, true, connectivity, boundary, monitor)?.tallies)
 }
 
-/// Start and end (exclusive) of a run along x.
-type Run = [u32; 2];
-
-/// The runs of consecutive planes.
-struct Slab {
-    planes: usize,
-    rows_per_plane: usize,
-    /// Number of the slab's first run in the whole volume.
-    first_run: usize,
-    runs: Vec<Run>,
-    /// Where each row's runs begin in `runs`; one more entry than rows.
-    row_starts: Vec<u32>,
-}
-
-impl Slab {
-    /// The runs of row (z, y), and the number in the slab of the first of them.
-    fn row(&self, z: usize, y: usize) -> (&[Run], u32) {
-        let row = z * self.rows_per_plane + y;
-        let (start, end) = (self.row_starts[row], self.row_starts[row + 1]);
-        (&self.runs[start as usize..end as usize], start)
+/// Writes a value of its component to each voxel of a phase; leaves alone what gets none.
+pub(super) fn paint<T: Tally + Sync, V: Copy + Send>(
+    forest: &Forest<T>,
+    mut voxels: ArrayViewMut3<'_, V>,
+    value: impl Fn(u32) -> Option<V> + Sync,
+) -> Result<()> {
+    if forest.reversed {
+        voxels = voxels.reversed_axes();
     }
-
-    fn rows(&self) -> impl Iterator<Item = &[Run]> {
-        self.row_starts.windows(2).map(|w| &self.runs[w[0] as usize..w[1] as usize])
+    let [nz, ny, nx] = forest.shape;
+    if voxels.dim() != (nz, ny, nx) {
+        return Err(Error::parameter("output.shape", voxels.dim(), "must be that of the volume"));
     }
-}
-
-/// The components of a volume, run by run.
-struct Forest {
-    /// Whether z and x are exchanged, because rows are contiguous along z.
-    reversed: bool,
-    slabs: Vec<Slab>,
-    /// Component of each run, from 0.
-    components: Vec<u32>,
-    sizes: Vec<u64>,
-}
-
-impl Forest {
-    fn grow(
-        solid: ArrayView3<'_, bool>,
-        connectivity: Connectivity,
-        boundary: Boundary,
-        monitor: &Monitor<'_>,
-    ) -> Result<Self> {
-        let reversed = solid.strides()[0] == 1 && solid.strides()[2] != 1;
-        let solid = if reversed { solid.reversed_axes() } else { solid };
-        let (nz, ny, nx) = solid.dim();
-        if u32::try_from(nx).is_err() {
-            return Err(Error::parameter("shape", solid.dim(), "must be below 2^32 along x"));
-        }
-        // More slabs than threads even out the load; their seams cost a plane each.
-        let thickness = nz.div_ceil(4 * rayon::current_num_threads()).max(1);
-        let periodic = boundary == Boundary::Periodic;
-        let neighbours = Neighbours { connectivity, periodic, rows: ny, row_length: nx as u32 };
-
-        let chunks: Vec<_> = solid.axis_chunks_iter(Axis(0), thickness).collect();
-        let grown = chunks
-            .into_par_iter()
-            .map(|planes| {
-                let slab = cut_into_runs(planes, monitor)?;
-                let mut parents: Vec<u32> = (0..slab.runs.len() as u32).collect();
-                for z in 0..slab.planes {
-                    monitor.check()?;
-                    neighbours.unite_within(&slab, z, &mut parents);
-                    if z > 0 {
-                        neighbours.unite_planes((&slab, z - 1, 0), (&slab, z, 0), &mut parents);
-                    }
-                }
-                Ok((slab, parents))
-            })
-            .collect::<Result<Vec<_>>>()?;
-
-        let mut slabs = Vec::with_capacity(grown.len());
-        let mut parents = Vec::with_capacity(grown.iter().map(|(_, p)| p.len()).sum());
-        for (mut slab, local) in grown {
-            slab.first_run = parents.len();
-            let first = u32::try_from(parents.len() + local.len())
-                .map_err(|_| Error::parameter("shape", (nz, ny, nx), "has too many components"))?
-                - local.len() as u32;
-            parents.extend(local.iter().map(|p| p + first));
-            slabs.push(slab);
-        }
-        // The lower side of a seam comes first, so that roots stay the smallest runs.
-        let seams = slabs.windows(2).map(|pair| (&pair[0], &pair[1]));
-        let wrap = slabs.first().zip(slabs.last()).filter(|_| periodic);
-        for (below, above) in seams.chain(wrap.map(|(first, last)| (last, first))) {
-            neighbours.unite_planes(
-                (below, below.planes - 1, below.first_run as u32),
-                (above, 0, above.first_run as u32),
-                &mut parents,
-            );
-        }
-        let mut forest = Self { reversed, slabs, components: parents, sizes: Vec::new() };
-        forest.number();
-        if reversed {
-            forest.renumber(nz, ny);
-        }
-        Ok(forest)
+    let mut planes = Vec::with_capacity(forest.slabs.len());
+    for slab in &forest.slabs {
+        let (own, rest) = voxels.split_at(Axis(0), slab.planes);
+        planes.push(own);
+        voxels = rest;
     }
-
-    /// Turns parents into components, numbered by their roots. A parent is never larger than its
-    /// child, so that one pass in order finds every parent already numbered.
-    fn number(&mut self) {
-        let runs = self.slabs.iter().flat_map(|slab| &slab.runs);
-        for (run, [start, end]) in runs.enumerate() {
-            let parent = self.components[run] as usize;
-            let component = if parent == run {
-                self.sizes.push(0);
-                self.sizes.len() - 1
+    planes.into_par_iter().zip(&forest.slabs).for_each(|(mut planes, slab)| {
+        let mut components = forest.components[slab.first_run..].iter();
+        for (mut row, runs) in planes.rows_mut().into_iter().zip(slab.rows()) {
+            let runs =
+                runs.iter().zip(&mut components).filter_map(|(&[start, end], &component)| {
+                    Some((start as usize..end as usize, value(component)?))
+                });
+            // Slices of slices cost much less than slices of views, which tells for short runs.
+            if let Some(row) = row.as_slice_mut() {
+                runs.for_each(|(run, value)| row[run].fill(value));
             } else {
-                self.components[parent] as usize
-            };
-            self.components[run] = component as u32;
-            self.sizes[component] += u64::from(end - start);
-        }
-    }
-
-    /// Orders the components by their first voxel in the order x, y, z.
-    fn renumber(&mut self, nx: usize, ny: usize) {
-        let mut first = vec![usize::MAX; self.sizes.len()];
-        let mut components = self.components.iter();
-        let rows = self.slabs.iter().flat_map(Slab::rows);
-        for (row, runs) in rows.enumerate() {
-            let (x, y) = (row / ny, row % ny);
-            for (&[z, _], &component) in runs.iter().zip(&mut components) {
-                let first = &mut first[component as usize];
-                *first = (*first).min((z as usize * ny + y) * nx + x);
+                runs.for_each(|(run, value)| row.slice_mut(s![run]).fill(value));
             }
         }
-        let mut order: Vec<u32> = (0..first.len() as u32).collect();
-        order.par_sort_unstable_by_key(|&component| first[component as usize]);
-        let mut rank = vec![0; order.len()];
-        for (new, &old) in order.iter().enumerate() {
-            rank[old as usize] = new as u32;
-        }
-        self.sizes = order.iter().map(|&old| self.sizes[old as usize]).collect();
-        self.components.par_iter_mut().for_each(|component| *component = rank[*component as usize]);
-    }
-}
-
-fn cut_into_runs(planes: ArrayView3<'_, bool>, monitor: &Monitor<'_>) -> Result<Slab> {
-    let (nz, ny, nx) = planes.dim();
-    let mut runs: Vec<Run> = Vec::new();
-    let mut row_starts = Vec::with_capacity(nz * ny + 1);
-    row_starts.push(0);
-    let mut copy = Vec::new();
-    for plane in planes.outer_iter() {
-        monitor.check()?;
-        for row in plane.outer_iter() {
-            if let Some(row) = row.as_slice() {
-                push_runs(row, &mut runs);
-            } else {
-                copy.clear();
-                copy.extend(row);
-                push_runs(&copy, &mut runs);
-            }
-            row_starts.push(u32::try_from(runs.len()).map_err(|_| {
-                Error::parameter("shape", (nz, ny, nx), "has too many components in one slab")
-            })?);
-        }
-    }
-    Ok(Slab { planes: nz, rows_per_plane: ny, first_run: 0, runs, row_starts })
-}
-
-/// Appends the runs of a row, found as the set bits of (row xor row shifted by one).
-fn push_runs(row: &[bool], runs: &mut Vec<Run>) {
-    let mut open: Option<u32> = None;
-    for (word, voxels) in row.chunks(64).enumerate() {
-        let before = u64::from(open.is_some());
-        let bits = pack(voxels);
-        let mut changes = bits ^ (bits << 1 | before);
-        while changes != 0 {
-            let at = (64 * word) as u32 + changes.trailing_zeros();
-            changes &= changes - 1;
-            open = match open {
-                None => Some(at),
-                Some(start) => {
-                    runs.push([start, at]);
-                    None
-                }
-            };
-        }
-    }
-    if let Some(start) = open {
-        runs.push([start, row.len() as u32]);
-    }
-}
-
-/// Bit i is voxel i, for up to 64 voxels.
-fn pack(voxels: &[bool]) -> u64 {
-    /// Gathers the lowest bits of eight bytes in the top byte of the product.
-    const GATHER: u64 = 0x0102_0408_1020_4080;
-    let (eights, rest) = voxels.as_chunks::<8>();
-    let mut bits = 0;
-    for (i, eight) in eights.iter().enumerate() {
-        let bytes = u64::from_le_bytes(eight.map(u8::from));
-        bits |= (bytes.wrapping_mul(GATHER) >> 56) << (8 * i);
-    }
-    for (i, &voxel) in rest.iter().enumerate() {
-        bits |= u64::from(voxel) << (8 * eights.len() + i);
-    }
-    bits
-}
-
-/// Which rows and runs touch.
-struct Neighbours {
-    connectivity: Connectivity,
-    periodic: bool,
-    rows: usize,
-    row_length: u32,
-}
-
-impl Neighbours {
-    /// Unites runs inside one plane.
-    fn unite_within(&self, slab: &Slab, z: usize, parents: &mut [u32]) {
-        let reach = self.connectivity.reach(1);
-        for y in 1..self.rows {
-            self.unite_rows(slab.row(z, y - 1), slab.row(z, y), reach, parents);
-        }
-        if self.periodic && self.rows > 0 {
-            self.unite_rows(slab.row(z, self.rows - 1), slab.row(z, 0), reach, parents);
-            for y in 0..self.rows {
-                let (runs, first) = slab.row(z, y);
-                if let (Some([0, _]), Some(&[_, end])) = (runs.first(), runs.last())
-                    && end == self.row_length
-                {
-                    unite(parents, first, first + runs.len() as u32 - 1);
-                }
-            }
-        }
-    }
-
-    /// Unites runs of two adjacent planes, each given as a slab, a plane in it, and what to add to
-    /// the slab's run numbers.
-    fn unite_planes(
-        &self,
-        (below, z_below, add_below): (&Slab, usize, u32),
-        (above, z_above, add_above): (&Slab, usize, u32),
-        parents: &mut [u32],
-    ) {
-        let shift = |(runs, first): (_, u32), add| (runs, first + add);
-        for y in 0..self.rows {
-            let row = shift(above.row(z_above, y), add_above);
-            if row.0.is_empty() {
-                continue;
-            }
-            let mut unite_with = |y: usize, steps| {
-                let other = shift(below.row(z_below, y), add_below);
-                self.unite_rows(other, row, self.connectivity.reach(steps), parents);
-            };
-            unite_with(y, 1);
-            if y > 0 || self.periodic {
-                unite_with((y + self.rows - 1) % self.rows, 2);
-            }
-            if y + 1 < self.rows || self.periodic {
-                unite_with((y + 1) % self.rows, 2);
-            }
-        }
-    }
-
-    /// Unites the runs of two rows that touch within `reach`.
-    fn unite_rows(
-        &self,
-        (a, first_a): (&[Run], u32),
-        (b, first_b): (&[Run], u32),
-        reach: Option<u32>,
-        parents: &mut [u32],
-    ) {
-        let Some(reach) = reach else { return };
-        let (mut i, mut j) = (0, 0);
-        while let (Some(&[start_a, end_a]), Some(&[start_b, end_b])) = (a.get(i), b.get(j)) {
-            if start_a < end_b + reach && start_b < end_a + reach {
-                unite(parents, first_a + i as u32, first_b + j as u32);
-            }
-            if end_a < end_b {
-                i += 1;
-            } else {
-                j += 1;
-            }
-        }
-        if self.periodic && reach > 0 {
-            let mut across = |(a, first_a): (&[Run], u32), (b, first_b): (&[Run], u32)| {
-                if let (Some([0, _]), Some(&[_, end])) = (a.first(), b.last())
-                    && end == self.row_length
-                {
-                    unite(parents, first_a, first_b + b.len() as u32 - 1);
-                }
-            };
-            across((a, first_a), (b, first_b));
-            across((b, first_b), (a, first_a));
-        }
-    }
-}
-
-/// Joins two trees; the smaller root wins.
-fn unite(parents: &mut [u32], a: u32, b: u32) {
-    let (a, b) = (root(parents, a), root(parents, b));
-    if a < b {
-        parents[b as usize] = a;
-    } else {
-        parents[a as usize] = b;
-    }
-}
-
-/// Root of a tree; halves the path to it on the way.
-fn root(parents: &mut [u32], mut run: u32) -> u32 {
-    loop {
-        let parent = parents[run as usize];
-        if parent == run {
-            return run;
-        }
-        let grandparent = parents[parent as usize];
-        parents[run as usize] = grandparent;
-        run = grandparent;
-    }
+    });
+    Ok(())
 }
 
 #[cfg(test)]
@@ -521,6 +218,6 @@ mod tests {
         let monitor = Monitor::silent();
         let faces = Connectivity::Faces;
         let result = label(solid.view(), faces, Boundary::Open, labels.view_mut(), &monitor);
-        assert!(matches!(result, Err(Error::Parameter { parameter: "labels.shape", .. })));
+        assert!(matches!(result, Err(Error::Parameter { parameter: "output.shape", .. })));
     }
 }
