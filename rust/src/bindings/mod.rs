@@ -5,6 +5,7 @@ mod cancellable;
 mod correlation;
 mod geometry;
 mod intensity;
+mod skeleton;
 mod texture;
 mod topology;
 
@@ -39,6 +40,8 @@ mod _core {
     use super::geometry::signed_distance;
     #[pymodule_export]
     use super::intensity::{cut_phases, cut_solid, ranks_by_phase};
+    #[pymodule_export]
+    use super::skeleton::thin;
     #[pymodule_export]
     use super::texture::{MatchMap, carry_values, gaussian, synthesize};
     #[pymodule_export]

@@ -1,3 +1,6 @@
 //! What is connected to what.
 
+mod bit_rows;
 pub mod labelling;
+mod simple_point;
+pub mod thinning;
