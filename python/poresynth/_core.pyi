@@ -18,7 +18,9 @@ __all__ = [
     "novelty",
     "ranks_by_phase",
     "signed_distance",
+    "skeleton_graph",
     "synthesize",
+    "thin",
     "two_point",
 ]
 
@@ -101,6 +103,23 @@ def label(
 def component_sizes(
     solid: npt.NDArray[np.bool_], *, connectivity: int, boundary: str, threads: int = 0
 ) -> npt.NDArray[np.uint64]: ...
+def thin(
+    solid: npt.NDArray[np.bool_], *, kind: str, method: str, threads: int = 0
+) -> npt.NDArray[np.bool_]: ...
+def skeleton_graph(
+    skeleton: npt.NDArray[np.bool_],
+    voxel_size: tuple[float, float, float],
+    *,
+    threads: int = 0,
+) -> tuple[
+    npt.NDArray[np.float64],
+    npt.NDArray[np.uint8],
+    npt.NDArray[np.int64],
+    npt.NDArray[np.int64],
+    npt.NDArray[np.float64],
+    npt.NDArray[np.uint32],
+    npt.NDArray[np.int64],
+]: ...
 def two_point(
     solid: npt.NDArray[np.bool_], r_max: int, *, boundary: str, threads: int = 0
 ) -> list[npt.NDArray[np.float64]]: ...

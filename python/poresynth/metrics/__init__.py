@@ -30,17 +30,24 @@ from poresynth.metrics.intensity import (
     seam,
 )
 from poresynth.metrics.registry import METRICS, Metric, measure, metric
+from poresynth.metrics.skeleton import EndPoints, end_points, skeletonize
+from poresynth.metrics.skeleton_graph import Branches, Nodes, SkeletonGraph, skeleton_graph
 
 __all__ = [
     "METRICS",
+    "Branches",
     "Components",
+    "EndPoints",
     "HistogramDistance",
     "Metric",
+    "Nodes",
     "Novelty",
+    "SkeletonGraph",
     "TwoPointCorrelation",
     "component_sizes",
     "component_wasserstein",
     "components",
+    "end_points",
     "floating_parts",
     "gradient_ratio",
     "histogram_distance",
@@ -52,6 +59,8 @@ __all__ = [
     "novelty",
     "porosity",
     "seam",
+    "skeleton_graph",
+    "skeletonize",
     "two_point_correlation",
     "two_point_error",
 ]

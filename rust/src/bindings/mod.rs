@@ -41,7 +41,7 @@ mod _core {
     #[pymodule_export]
     use super::intensity::{cut_phases, cut_solid, ranks_by_phase};
     #[pymodule_export]
-    use super::skeleton::thin;
+    use super::skeleton::{skeleton_graph, thin};
     #[pymodule_export]
     use super::texture::{MatchMap, carry_values, gaussian, synthesize};
     #[pymodule_export]

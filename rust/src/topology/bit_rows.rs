@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use ndarray::{ArrayView3, ArrayViewMut3, Axis, s};
 use rayon::prelude::*;
 
+use super::labelling;
 use super::simple_point::Word;
 use crate::error::Result;
 use crate::monitor::Monitor;
@@ -44,6 +45,25 @@ impl Layout {
     }
 }
 
+/// A word of voxels.
+pub(super) trait Bits {
+    fn bits(&self) -> u32;
+}
+
+impl Bits for u32 {
+    #[inline(always)]
+    fn bits(&self) -> u32 {
+        *self
+    }
+}
+
+impl Bits for AtomicU32 {
+    #[inline(always)]
+    fn bits(&self) -> u32 {
+        self.load(Ordering::Relaxed)
+    }
+}
+
 /// The voxels of three words in a row, as far as the middle one's neighbours go: bit i + 1 is bit i
 /// of the middle word.
 #[inline(always)]
@@ -63,15 +83,13 @@ pub(super) fn neighbourhood(windows: &[u64; 9], bit: u32) -> Word {
 
 /// Loads the windows round a word.
 #[inline(always)]
-pub(super) fn windows(words: &[AtomicU32], layout: &Layout, at: usize) -> [u64; 9] {
+pub(super) fn windows(words: &[impl Bits], layout: &Layout, at: usize) -> [u64; 9] {
     let mut windows = [0; 9];
-    for (dz, three) in windows.chunks_exact_mut(3).enumerate() {
-        for (dy, one) in three.iter_mut().enumerate() {
-            let middle = at + dz * layout.plane() + dy * layout.words;
-            let middle = middle - layout.plane() - layout.words;
-            let words = &words[middle - 1..middle + 2];
-            *one = window([0, 1, 2].map(|i| words[i].load(Ordering::Relaxed)));
-        }
+    let first = at - layout.plane() - layout.words;
+    for (row, one) in windows.iter_mut().enumerate() {
+        let middle = first + row / 3 * layout.plane() + row % 3 * layout.words;
+        let words = &words[middle - 1..middle + 2];
+        *one = window([words[0].bits(), words[1].bits(), words[2].bits()]);
     }
     windows
 }
@@ -96,8 +114,14 @@ pub(super) fn pack(
             pack_lanes::<LANES>(block, to, plane, words);
         } else {
             for (to, row) in to[words..].chunks_exact_mut(words).zip(block.rows()) {
-                for (x, &voxel) in row.iter().enumerate() {
-                    to[x / BITS] |= u32::from(voxel) << (x % BITS);
+                if let Some(row) = row.as_slice() {
+                    for (to, voxels) in to.iter_mut().zip(row.chunks(BITS)) {
+                        *to = labelling::pack(voxels) as u32;
+                    }
+                } else {
+                    for (x, &voxel) in row.iter().enumerate() {
+                        to[x / BITS] |= u32::from(voxel) << (x % BITS);
+                    }
                 }
             }
         }
@@ -146,12 +170,23 @@ pub(super) fn unpack(words: &[AtomicU32], layout: &Layout, mut volume: ArrayView
 
 /// Positions of the set bits, lowest first.
 #[inline(always)]
-pub(super) fn ones(mut word: u32) -> impl Iterator<Item = u32> {
-    std::iter::from_fn(move || {
-        (word != 0).then(|| {
-            let bit = word.trailing_zeros();
-            word &= word - 1;
-            bit
-        })
-    })
+pub(super) fn ones(word: u32) -> Ones {
+    Ones(word)
+}
+
+/// See `ones`.
+pub(super) struct Ones(u32);
+
+impl Iterator for Ones {
+    type Item = u32;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<u32> {
+        if self.0 == 0 {
+            return None;
+        }
+        let bit = self.0.trailing_zeros();
+        self.0 &= self.0 - 1;
+        Some(bit)
+    }
 }

@@ -284,7 +284,7 @@ fn push_runs(row: &[bool], runs: &mut Vec<Run>) {
 }
 
 /// Bit i is voxel i, for up to 64 voxels.
-fn pack(voxels: &[bool]) -> u64 {
+pub(super) fn pack(voxels: &[bool]) -> u64 {
     /// Gathers the lowest bits of eight bytes in the top byte of the product.
     const GATHER: u64 = 0x0102_0408_1020_4080;
     let (eights, rest) = voxels.as_chunks::<8>();

@@ -10,7 +10,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub(super) type Word = u32;
 
 const ALL: Word = (1 << 27) - 1;
-const CENTRE: Word = 1 << 13;
+/// The voxel itself.
+pub(super) const CENTRE: Word = 1 << 13;
 /// Those of the lowest and of the highest x, and y.
 const X: [Word; 2] = [0o111_111_111, 0o444_444_444];
 const Y: [Word; 2] = [0o007_007_007, 0o700_700_700];
@@ -175,9 +176,9 @@ mod tests {
         for i in 0..20_000 {
             // Every density, so that sparse and full neighbourhoods are common.
             let density = key.with(1).unit(i);
-            let word = (0..27u64).fold(0, |word: Word, b| {
-                word | Word::from(key.with(2 + b).unit(i) < density) << b
-            }) & !CENTRE;
+            let word = (0..27u64)
+                .fold(0, |word: Word, b| word | Word::from(key.with(2 + b).unit(i) < density) << b)
+                & !CENTRE;
             assert_eq!(is_connected(word), components(word, 3) <= 1, "{word:o}");
             let keeps = components(word, 3) == 1 && euler(word) == euler(word | CENTRE);
             assert_eq!(is_simple(word), keeps, "{word:o}");
