@@ -1,12 +1,16 @@
 //! Thinning to a skeleton after Lee, Kashyap and Chu (1994).
 //!
 //! A round takes the border voxels of the six sides in turn. Of each side, those that are simple
-//! and no end are collected from the state before it; then they are looked at again, one by one in
-//! C order, and removed if they still may go. Rounds end when nothing is removed.
+//! and no end are collected from the state before it; then they are looked at again one by one, and
+//! removed if they still may go. Rounds end when nothing is removed.
+//!
+//! The strict method looks again at one subfield after another: the voxels of equal parity of z, y
+//! and x, none of which touch. In C order, which the old method keeps to, a strip of two voxels is
+//! eaten from its first end to its last in one pass, each voxel being simple when its turn comes.
 //!
 //! A voxel that may not go is settled until one of its neighbours is removed, so that a pass looks
-//! only at the open voxels of the border. The second look runs over planes in a wavefront: each row
-//! waits for the rows before it that it sees, which gives the result of the sequential order.
+//! only at the open voxels of the border. Planes of equal parity are independent of each other. In C
+//! order they run in a wavefront: each row waits for the rows before it that it sees.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -40,13 +44,13 @@ impl std::str::FromStr for Kind {
     }
 }
 
-/// What the second look asks.
+/// The second look.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// All that the first look asks: the topology stays, and no part vanishes.
+    /// By subfields, whether the voxel is simple: the topology stays, and no part vanishes.
     Strict,
-    /// Only whether the neighbours hang together, as other programs do: parts of even thickness may
-    /// vanish, and tunnels and cavities change.
+    /// In C order, only whether the neighbours hang together, as other programs do: parts of even
+    /// thickness may vanish, and tunnels and cavities change.
     Lee,
 }
 
@@ -114,7 +118,7 @@ impl Rules {
     #[inline(always)]
     fn may_still_go(&self, neighbours: Word) -> bool {
         match self.method {
-            Method::Strict => self.may_go(neighbours),
+            Method::Strict => self.simple.ask(neighbours),
             Method::Lee => self.connected.ask(neighbours),
         }
     }
@@ -163,6 +167,8 @@ struct Done(AtomicUsize);
 
 /// Rows between two notes of how far a plane is done: a note costs a trip between two cores.
 const NOTE: usize = 8;
+/// The voxels of a word at even places.
+const EVEN: u32 = 0x5555_5555;
 /// Candidates for which waking the other threads pays.
 const WORTH_SHARING: usize = 2048;
 
@@ -290,14 +296,48 @@ impl Thinning<'_> {
         count
     }
 
-    /// Removes the candidates that still may go, as if one by one in C order, and takes the others
-    /// out of `found`. Returns whether any was removed.
+    /// Removes the candidates that still may go, and takes the others out of `found`. Returns
+    /// whether any was removed.
     fn remove(&self, candidates: &[usize], found: &mut Found) -> Result<bool> {
-        let Layout { rows, .. } = self.layout;
         let all: usize = candidates.iter().sum();
         if all == 0 {
             return Ok(false);
         }
+        let any = match self.rules.method {
+            Method::Strict => self.remove_by_subfields(candidates, found),
+            Method::Lee => self.remove_in_c_order(candidates, found, all >= WORTH_SHARING),
+        };
+        self.monitor.check()?;
+        Ok(any)
+    }
+
+    fn remove_by_subfields(&self, candidates: &[usize], found: &mut Found) -> bool {
+        let any = AtomicBool::new(false);
+        for parity in 0..2 {
+            let planes = (found.bits[1..].par_chunks_exact_mut(self.layout.plane()))
+                .zip(found.rows.par_chunks_exact_mut(self.layout.rows))
+                .enumerate();
+            planes.for_each(|(z, (found, rows))| {
+                if z % 2 == parity && candidates[z] > 0 && self.monitor.check().is_ok() {
+                    let mut removed = false;
+                    for parity in 0..2 {
+                        for y in (parity..rows.len()).step_by(2) {
+                            removed |=
+                                rows[y] && self.remove_in_row(z, y, found, rows, &[EVEN, !EVEN]);
+                        }
+                    }
+                    if removed {
+                        any.store(true, Ordering::Relaxed);
+                    }
+                }
+            });
+        }
+        any.into_inner()
+    }
+
+    /// With the result of one thread that takes candidate by candidate in C order.
+    fn remove_in_c_order(&self, candidates: &[usize], found: &mut Found, share: bool) -> bool {
+        let rows = self.layout.rows;
         let done: Vec<Done> = (candidates.iter())
             .map(|&n| Done(AtomicUsize::new(if n == 0 { usize::MAX } else { 0 })))
             .collect();
@@ -312,36 +352,35 @@ impl Thinning<'_> {
             loop {
                 let next = planes.lock().unwrap_or_else(PoisonError::into_inner).next();
                 let Some((z, (found, rows))) = next else { return };
-                if self.monitor.check().is_ok() && self.remove_in_plane(z, &done, found, rows) {
+                if self.monitor.check().is_ok() && self.remove_in_wave(z, &done, found, rows) {
                     any.store(true, Ordering::Relaxed);
                 }
                 done[z].0.store(usize::MAX, Ordering::Release);
             }
         };
-        if all < WORTH_SHARING || rayon::current_num_threads() == 1 {
-            work();
-        } else {
+        if share {
             rayon::broadcast(|_| work());
+        } else {
+            work();
         }
-        self.monitor.check()?;
-        Ok(any.load(Ordering::Relaxed))
+        drop(planes);
+        any.into_inner()
     }
 
-    fn remove_in_plane(
+    fn remove_in_wave(
         &self,
         z: usize,
         done: &[Done],
         found: &mut [u32],
         rows: &mut [bool],
     ) -> bool {
-        let words = self.layout.words;
         let mut any = false;
         let mut below = 0;
-        for (y, has) in rows.iter_mut().enumerate() {
+        for y in 0..rows.len() {
             if y % NOTE == 0 {
                 done[z].0.store(y, Ordering::Release);
             }
-            if *has {
+            if rows[y] {
                 // The row sees the rows up to y + 1 of the plane below.
                 let mut waited = 0;
                 while below < y + 2 {
@@ -353,30 +392,43 @@ impl Thinning<'_> {
                         std::hint::spin_loop();
                     }
                 }
-                let found = &mut found[y * words..(y + 1) * words];
-                *has = self.remove_in_row(self.layout.at(z, y), found);
-                any |= *has;
+                any |= self.remove_in_row(z, y, found, rows, &[u32::MAX]);
             }
         }
         any
     }
 
-    fn remove_in_row(&self, at: usize, found: &mut [u32]) -> bool {
-        let mut any = 0;
-        for (at, found) in (at..).zip(found).filter(|(_, found)| **found != 0) {
-            let mut windows = windows(&self.solid, &self.layout, at);
-            let mut gone = 0;
-            for bit in ones(*found) {
-                if self.rules.may_still_go(neighbourhood(&windows, bit)) {
-                    windows[4] &= !(2 << bit);
-                    gone |= 1 << bit;
+    /// Looks again at the candidates of row y of a plane, those of one mask after another.
+    fn remove_in_row(
+        &self,
+        z: usize,
+        y: usize,
+        found: &mut [u32],
+        rows: &mut [bool],
+        masks: &[u32],
+    ) -> bool {
+        let words = self.layout.words;
+        let found = &mut found[y * words..(y + 1) * words];
+        for mask in masks {
+            for (at, found) in (self.layout.at(z, y)..).zip(found.iter_mut()) {
+                let candidates = *found & mask;
+                if candidates == 0 {
+                    continue;
                 }
+                let mut windows = windows(&self.solid, &self.layout, at);
+                let mut gone = 0;
+                for bit in ones(candidates) {
+                    if self.rules.may_still_go(neighbourhood(&windows, bit)) {
+                        windows[4] &= !(2 << bit);
+                        gone |= 1 << bit;
+                    }
+                }
+                let left = self.solid[at].load(Ordering::Relaxed) & !gone;
+                self.solid[at].store(left, Ordering::Relaxed);
+                *found = *found & !mask | gone;
             }
-            let left = self.solid[at].load(Ordering::Relaxed) & !gone;
-            self.solid[at].store(left, Ordering::Relaxed);
-            *found = gone;
-            any |= gone;
         }
-        any != 0
+        rows[y] = found.iter().any(|&gone| gone != 0);
+        rows[y]
     }
 }
