@@ -41,11 +41,11 @@ def skeletonize(
         What stays: centre lines, or the medial surface. The medial surface keeps the voxels that
         have void at two opposite faces (the surface end points of Palágyi 2008).
     method : {"strict", "lee"}, default "strict"
-        Strict: a voxel is removed only if at that very moment it is simple and no end. The skeleton
-        then has the components, tunnels and cavities of the solid, and no part vanishes. Lee: at
-        that moment it is only asked whether the voxel's neighbours hang together, as ImageJ, ITK
-        and scikit-image do; equal voxel by voxel to scikit-image 0.26, for comparison with them.
-        Parts of even thickness may then vanish, and tunnels and cavities appear or go.
+        Strict: a voxel is removed only if at that very moment it is simple. The skeleton then has
+        the components, tunnels and cavities of the solid, and no part vanishes. Lee: at that moment
+        it is only asked whether the voxel's neighbours hang together, as ImageJ, ITK and
+        scikit-image do; equal voxel by voxel to scikit-image 0.26, for comparison with them. Parts
+        of even thickness may then vanish, and tunnels and cavities appear or go.
     threads : int, default 0
         Number of threads; 0 takes all cores. The skeleton does not depend on it.
 
@@ -62,11 +62,15 @@ def skeletonize(
     Notes
     -----
     The six sides of the solid are thinned in turn: of the border voxels of a side, those that are
-    no end and whose removal would change neither the components nor the Euler number (26
-    neighbours for the solid, 6 for the void) are removed one by one in C order. Sides and order
-    give a preference where the middle lies between two voxels: of a turned or mirrored solid, the
-    skeleton's topology is the same, its voxels may differ. A volume that is one voxel thick is
-    thinned as an image.
+    no end and are simple (their removal changes neither the components nor the Euler number, with
+    26 neighbours for the solid and 6 for the void) are looked at again one by one, and removed if
+    they still may go. The strict method looks again at the eight subfields of equal parity of z, y
+    and x in turn, none of whose voxels touch; in C order, as the old method does, a bar of even
+    thickness is eaten from its first end to its last once it is two voxels wide.
+
+    Sides and subfields give a preference where the middle lies between two voxels: of a turned,
+    mirrored or shifted solid the skeleton's topology is the same, its voxels may differ. A volume
+    that is one voxel thick is thinned as an image.
 
     Peak memory: 1½ bytes a voxel, the skeleton counted, and 16 MB for answers that are remembered
     (32 MB with "lee").
@@ -75,7 +79,8 @@ def skeletonize(
     ----------
     Lee, Kashyap and Chu: Building skeleton models via 3-D medial surface/axis thinning algorithms.
     CVGIP: Graphical Models and Image Processing 56 (1994).
-    Palágyi: A 3D fully parallel surface-thinning algorithm. Theoretical Computer Science 406 (2008).
+    Palágyi: A 3D fully parallel surface-thinning algorithm. Theoretical Computer Science 406
+    (2008).
     """
     return _core.thin(as_phase(solid, "solid", phase), kind=kind, method=method, threads=threads)
 

@@ -432,3 +432,6 @@ impl Thinning<'_> {
         rows[y]
     }
 }
+
+#[cfg(test)]
+mod tests;
