@@ -24,8 +24,7 @@ const FACE_OR_EDGE: Word = 0o272_757_272;
 /// Whether exactly one neighbour is solid: the end of a curve.
 #[inline(always)]
 pub(super) const fn is_curve_end(neighbours: Word) -> bool {
-    let others = neighbours & !CENTRE;
-    others != 0 && others & (others - 1) == 0
+    (neighbours & !CENTRE).is_power_of_two()
 }
 
 /// Whether the solid is one voxel thick along an axis: two opposite faces are void.

@@ -105,7 +105,7 @@ enum Class {
 struct Voxels {
     layout: Layout,
     bits: Vec<u32>,
-    voxels: Vec<Voxel>,
+    list: Vec<Voxel>,
     /// Number of the first voxel of each row.
     first: Vec<u32>,
 }
@@ -124,17 +124,17 @@ impl Voxels {
                 Ok(voxels_of_plane(&bits, &layout, z))
             })
             .collect::<Result<Vec<_>>>()?;
-        let voxels: Vec<Voxel> = planes.into_iter().flatten().collect();
-        u32::try_from(voxels.len()).map_err(too_large)?;
+        let list: Vec<Voxel> = planes.into_iter().flatten().collect();
+        u32::try_from(list.len()).map_err(too_large)?;
         let mut first = Vec::with_capacity(layout.rows * layout.planes);
         let mut next = 0;
         for row in 0..(layout.rows * layout.planes) as u32 {
             first.push(next as u32);
-            while voxels.get(next).is_some_and(|voxel| voxel.row == row) {
+            while list.get(next).is_some_and(|voxel| voxel.row == row) {
                 next += 1;
             }
         }
-        Ok(Self { layout, bits, voxels, first })
+        Ok(Self { layout, bits, list, first })
     }
 
     /// Number of a neighbour, by its bit in the neighbourhood.
@@ -151,12 +151,12 @@ impl Voxels {
     }
 
     fn neighbours(&self, number: usize) -> impl Iterator<Item = usize> + '_ {
-        let voxel = &self.voxels[number];
+        let voxel = &self.list[number];
         ones(voxel.neighbours).map(move |bit| self.neighbour(voxel, bit))
     }
 
     fn place(&self, number: usize) -> [u32; 3] {
-        let Voxel { row, x, .. } = self.voxels[number];
+        let Voxel { row, x, .. } = self.list[number];
         let rows = self.layout.rows as u32;
         [row / rows - 1, row % rows - 1, x]
     }
@@ -199,7 +199,7 @@ struct Tracing<'a> {
 
 impl<'a> Tracing<'a> {
     fn new(voxels: &'a Voxels, voxel_size: [f64; 3], monitor: &'a Monitor<'a>) -> Result<Self> {
-        let classes: Vec<Class> = voxels.voxels.par_iter().map(Voxel::class).collect();
+        let classes: Vec<Class> = voxels.list.par_iter().map(Voxel::class).collect();
         let mut tracing = Self {
             voxels,
             voxel_size,
@@ -217,7 +217,7 @@ impl<'a> Tracing<'a> {
     fn find_nodes(&mut self) -> Result<()> {
         let mut stack = Vec::new();
         for start in 0..self.classes.len() {
-            if start % CHECK == 0 {
+            if start.is_multiple_of(CHECK) {
                 self.monitor.check()?;
             }
             let kind = match self.classes[start] {
@@ -253,7 +253,7 @@ impl<'a> Tracing<'a> {
     fn trace_from_nodes(&mut self) -> Result<()> {
         let voxels = self.voxels;
         for start in 0..self.classes.len() {
-            if start % CHECK == 0 {
+            if start.is_multiple_of(CHECK) {
                 self.monitor.check()?;
             }
             if self.node[start] == NONE {
@@ -291,7 +291,7 @@ impl<'a> Tracing<'a> {
     /// Passes the voxels on the way; returns the voxel of a node where it ends.
     fn follow(&mut self, mut before: usize, mut at: usize) -> Result<usize> {
         while self.node[at] == NONE {
-            if self.graph.voxels.len() % CHECK == 0 {
+            if self.graph.voxels.len().is_multiple_of(CHECK) {
                 self.monitor.check()?;
             }
             self.visited[at] = true;
@@ -367,7 +367,7 @@ mod tests {
         assert_eq!(graph_of((2, 3, 40), &[]), Graph::default());
         let one = graph_of((2, 3, 40), &[[1, 2, 39]]);
         assert_eq!(kinds(&one), [Kind::Isolated]);
-        assert_eq!(one.nodes[0].place, [1.0, 2.0, 39.0]);
+        assert_eq!(one.nodes[0].place.map(|i| i as i32), [1, 2, 39]);
         assert!(one.branches.is_empty() && one.voxels.is_empty());
     }
 
@@ -391,7 +391,7 @@ mod tests {
         let junctions: Vec<_> = cross.nodes.iter().filter(|n| n.kind == Kind::Junction).collect();
         assert_eq!(junctions.len(), 1);
         // The four voxels round the middle touch each other and belong to the junction.
-        assert_eq!((junctions[0].place, junctions[0].size), ([3.0; 3], 5));
+        assert_eq!((junctions[0].place.map(|i| i as i32), junctions[0].size), ([3; 3], 5));
         assert_eq!(cross.branches.len(), 4);
         let length: f64 = cross.branches.iter().map(|b| b.length).sum();
         assert!((length - (6.0 + 12.0)).abs() < 1e-9);

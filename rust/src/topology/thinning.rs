@@ -363,8 +363,7 @@ impl Thinning<'_> {
         } else {
             work();
         }
-        drop(planes);
-        any.into_inner()
+        any.load(Ordering::Relaxed)
     }
 
     fn remove_in_wave(
@@ -377,7 +376,7 @@ impl Thinning<'_> {
         let mut any = false;
         let mut below = 0;
         for y in 0..rows.len() {
-            if y % NOTE == 0 {
+            if y.is_multiple_of(NOTE) {
                 done[z].0.store(y, Ordering::Release);
             }
             if rows[y] {

@@ -32,7 +32,7 @@ fn twin(solid: &Array3<bool>, kind: Kind, method: Method) -> Array3<bool> {
                 .filter(|&at| {
                     let around = neighbours_of(&solid, at);
                     let end = match kind {
-                        Kind::Curve => around.count_ones() == 1,
+                        Kind::Curve => around.is_power_of_two(),
                         Kind::Surface => is_surface_end(around),
                     };
                     around >> facing & 1 == 0 && !end && is_simple(around)
