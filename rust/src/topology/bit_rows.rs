@@ -1,6 +1,6 @@
 //! A phase packed into one bit a voxel, with void all round.
 
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use ndarray::{ArrayView3, ArrayViewMut3, Axis, s};
 use rayon::prelude::*;
@@ -10,8 +10,8 @@ use super::simple_point::Word;
 use crate::error::Result;
 use crate::monitor::Monitor;
 
-/// Voxels of a word. Half of 64, so that a word and a voxel at either side fit one register.
-pub(super) const BITS: usize = 32;
+/// Voxels of a word.
+pub(super) const BITS: usize = 64;
 
 /// Where the rows are. A row has at least one spare bit at its end, which parts it from the next,
 /// and the volume one spare row at each side: every voxel has 26 neighbours.
@@ -47,51 +47,80 @@ impl Layout {
 
 /// A word of voxels.
 pub(super) trait Bits {
-    fn bits(&self) -> u32;
+    fn bits(&self) -> u64;
 }
 
-impl Bits for u32 {
+impl Bits for u64 {
     #[inline(always)]
-    fn bits(&self) -> u32 {
+    fn bits(&self) -> u64 {
         *self
     }
 }
 
-impl Bits for AtomicU32 {
+impl Bits for AtomicU64 {
     #[inline(always)]
-    fn bits(&self) -> u32 {
+    fn bits(&self) -> u64 {
         self.load(Ordering::Relaxed)
     }
 }
 
-/// The voxels of three words in a row, as far as the middle one's neighbours go: bit i + 1 is bit i
-/// of the middle word.
-#[inline(always)]
-pub(super) fn window([before, word, behind]: [u32; 3]) -> u64 {
-    u64::from(before >> 31) | u64::from(word) << 1 | u64::from(behind) << 33
+/// A word and those of the eight rows round it, in the order of a neighbourhood.
+pub(super) struct Around<'a, B> {
+    volume: &'a [B],
+    layout: &'a Layout,
+    at: usize,
+    words: [u64; 9],
 }
 
-/// Neighbourhood of a bit, from the windows of its nine rows.
-#[inline(always)]
-pub(super) fn neighbourhood(windows: &[u64; 9], bit: u32) -> Word {
-    let mut neighbours = 0;
-    for (row, window) in windows.iter().enumerate() {
-        neighbours |= ((window >> bit) as Word & 7) << (3 * row);
+impl<'a, B: Bits> Around<'a, B> {
+    #[inline(always)]
+    pub(super) fn new(volume: &'a [B], layout: &'a Layout, at: usize) -> Self {
+        let mut words = [0; 9];
+        for (row, word) in words.iter_mut().enumerate() {
+            *word = volume[Self::beside(layout, at, row)].bits();
+        }
+        Self { volume, layout, at, words }
     }
-    neighbours
-}
 
-/// Loads the windows round a word.
-#[inline(always)]
-pub(super) fn windows(words: &[impl Bits], layout: &Layout, at: usize) -> [u64; 9] {
-    let mut windows = [0; 9];
-    let first = at - layout.plane() - layout.words;
-    for (row, one) in windows.iter_mut().enumerate() {
-        let middle = first + row / 3 * layout.plane() + row % 3 * layout.words;
-        let words = &words[middle - 1..middle + 2];
-        *one = window([words[0].bits(), words[1].bits(), words[2].bits()]);
+    #[inline(always)]
+    const fn beside(layout: &Layout, at: usize, row: usize) -> usize {
+        at + row / 3 * layout.plane() + row % 3 * layout.words - layout.plane() - layout.words
     }
-    windows
+
+    /// Takes a voxel out of the middle word, here only.
+    #[inline(always)]
+    pub(super) fn clear(&mut self, bit: u32) {
+        self.words[4] &= !(1 << bit);
+    }
+
+    /// Neighbourhood of a voxel of the middle word.
+    #[inline(always)]
+    pub(super) fn neighbourhood(&self, bit: u32) -> Word {
+        if bit == 0 || bit == BITS as u32 - 1 {
+            return self.at_the_edge(bit);
+        }
+        let mut neighbours = 0;
+        for (row, word) in self.words.iter().enumerate() {
+            neighbours |= ((word >> (bit - 1)) as Word & 7) << (3 * row);
+        }
+        neighbours
+    }
+
+    /// The same for a voxel with neighbours in the word before or behind.
+    #[inline(never)]
+    fn at_the_edge(&self, bit: u32) -> Word {
+        let mut neighbours = 0;
+        for (row, word) in self.words.iter().enumerate() {
+            let at = Self::beside(self.layout, self.at, row);
+            let three = if bit == 0 {
+                word << 1 | self.volume[at - 1].bits() >> (BITS - 1)
+            } else {
+                word >> (BITS - 2) | self.volume[at + 1].bits() << 2
+            };
+            neighbours |= (three as Word & 7) << (3 * row);
+        }
+        neighbours
+    }
 }
 
 /// Packs a phase.
@@ -99,7 +128,7 @@ pub(super) fn pack(
     solid: ArrayView3<'_, bool>,
     layout: &Layout,
     monitor: &Monitor<'_>,
-) -> Result<Vec<u32>> {
+) -> Result<Vec<u64>> {
     /// Planes packed at once where z is contiguous.
     const LANES: usize = 64;
     let by_lanes = solid.strides()[0] == 1 && solid.strides()[2] != 1;
@@ -116,11 +145,11 @@ pub(super) fn pack(
             for (to, row) in to[words..].chunks_exact_mut(words).zip(block.rows()) {
                 if let Some(row) = row.as_slice() {
                     for (to, voxels) in to.iter_mut().zip(row.chunks(BITS)) {
-                        *to = labelling::pack(voxels) as u32;
+                        *to = labelling::pack(voxels);
                     }
                 } else {
                     for (x, &voxel) in row.iter().enumerate() {
-                        to[x / BITS] |= u32::from(voxel) << (x % BITS);
+                        to[x / BITS] |= u64::from(voxel) << (x % BITS);
                     }
                 }
             }
@@ -133,7 +162,7 @@ pub(super) fn pack(
 /// Packs at most `N` planes whose voxels are contiguous along z.
 fn pack_lanes<const N: usize>(
     block: ArrayView3<'_, bool>,
-    to: &mut [u32],
+    to: &mut [u64],
     plane: usize,
     words: usize,
 ) {
@@ -144,7 +173,7 @@ fn pack_lanes<const N: usize>(
             for bit in 0..BITS.min(nx - BITS * word) {
                 let voxels = block.slice(s![.., y, BITS * word + bit]);
                 for (lane, &voxel) in lanes.iter_mut().zip(voxels.as_slice().unwrap_or(&[])) {
-                    *lane |= u32::from(voxel) << bit;
+                    *lane |= u64::from(voxel) << bit;
                 }
             }
             for (z, lane) in lanes[..nz].iter().enumerate() {
@@ -155,7 +184,7 @@ fn pack_lanes<const N: usize>(
 }
 
 /// Sets the voxels of `volume` whose bits are set.
-pub(super) fn unpack(words: &[AtomicU32], layout: &Layout, mut volume: ArrayViewMut3<'_, bool>) {
+pub(super) fn unpack(words: &[AtomicU64], layout: &Layout, mut volume: ArrayViewMut3<'_, bool>) {
     volume.axis_iter_mut(Axis(0)).into_par_iter().enumerate().for_each(|(z, mut plane)| {
         for (y, mut row) in plane.rows_mut().into_iter().enumerate() {
             let at = layout.at(z + 1, y + 1);
@@ -170,12 +199,12 @@ pub(super) fn unpack(words: &[AtomicU32], layout: &Layout, mut volume: ArrayView
 
 /// Positions of the set bits, lowest first.
 #[inline(always)]
-pub(super) fn ones(word: u32) -> Ones {
+pub(super) fn ones(word: u64) -> Ones {
     Ones(word)
 }
 
 /// See `ones`.
-pub(super) struct Ones(u32);
+pub(super) struct Ones(u64);
 
 impl Iterator for Ones {
     type Item = u32;

@@ -3,7 +3,7 @@
 use ndarray::ArrayView3;
 use rayon::prelude::*;
 
-use super::bit_rows::{Layout, neighbourhood, ones, pack, windows};
+use super::bit_rows::{Around, BITS, Layout, ones, pack};
 use super::simple_point::{CENTRE, Word, is_connected};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
@@ -104,7 +104,7 @@ enum Class {
 /// The voxels of a skeleton in C order.
 struct Voxels {
     layout: Layout,
-    bits: Vec<u32>,
+    bits: Vec<u64>,
     list: Vec<Voxel>,
     /// Number of the first voxel of each row.
     first: Vec<u32>,
@@ -144,15 +144,15 @@ impl Voxels {
         let row = voxel.row as usize + bit / 9 * rows + bit / 3 % 3 - rows - 1;
         let x = voxel.x as usize + bit % 3 - 1;
         let at = 1 + row * self.layout.words;
-        let words = &self.bits[at..=at + x / 32];
-        let before: u32 = words[..x / 32].iter().map(|word| word.count_ones()).sum();
-        let below = words[x / 32] & ((1 << (x % 32)) - 1);
+        let words = &self.bits[at..=at + x / BITS];
+        let before: u32 = words[..x / BITS].iter().map(|word| word.count_ones()).sum();
+        let below = words[x / BITS] & ((1 << (x % BITS)) - 1);
         (self.first[row] + before + below.count_ones()) as usize
     }
 
     fn neighbours(&self, number: usize) -> impl Iterator<Item = usize> + '_ {
         let voxel = &self.list[number];
-        ones(voxel.neighbours).map(move |bit| self.neighbour(voxel, bit))
+        ones(voxel.neighbours.into()).map(move |bit| self.neighbour(voxel, bit))
     }
 
     fn place(&self, number: usize) -> [u32; 3] {
@@ -162,7 +162,7 @@ impl Voxels {
     }
 }
 
-fn voxels_of_plane(bits: &[u32], layout: &Layout, z: usize) -> Vec<Voxel> {
+fn voxels_of_plane(bits: &[u64], layout: &Layout, z: usize) -> Vec<Voxel> {
     let mut voxels = Vec::new();
     for y in 1..layout.rows - 1 {
         let at = layout.at(z, y);
@@ -170,11 +170,11 @@ fn voxels_of_plane(bits: &[u32], layout: &Layout, z: usize) -> Vec<Voxel> {
             if own == 0 {
                 continue;
             }
-            let windows = windows(bits, layout, at + word);
+            let around = Around::new(bits, layout, at + word);
             voxels.extend(ones(own).map(|bit| Voxel {
                 row: (z * layout.rows + y) as u32,
-                x: 32 * word as u32 + bit,
-                neighbours: neighbourhood(&windows, bit) & !CENTRE,
+                x: (BITS * word) as u32 + bit,
+                neighbours: around.neighbourhood(bit) & !CENTRE,
             }));
         }
     }

@@ -12,13 +12,13 @@
 //! only at the open voxels of the border. Planes of equal parity are independent of each other. In C
 //! order they run in a wavefront: each row waits for the rows before it that it sees.
 
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use ndarray::{ArrayView3, ArrayViewMut3};
 use rayon::prelude::*;
 
-use super::bit_rows::{Layout, neighbourhood, ones, pack, unpack, window, windows};
+use super::bit_rows::{Around, BITS, Layout, ones, pack, unpack};
 use super::simple_point::{CONNECTED, Memory, SIMPLE, Word, is_curve_end, is_surface_end};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
@@ -82,7 +82,7 @@ pub fn thin(
     }
     let layout = Layout::of(solid.dim());
     let open = pack(solid, &layout, monitor)?;
-    let words = open.iter().map(|&word| AtomicU32::new(word)).collect();
+    let words = open.iter().map(|&word| AtomicU64::new(word)).collect();
     let thinning = Thinning { solid: words, layout, rules: Rules::new(kind, method), monitor };
     let (nz, ny, nx) = solid.dim();
     let flat = [nz == 1, ny == 1 && method == Method::Strict, nx == 1 && method == Method::Strict];
@@ -142,7 +142,7 @@ struct Side {
 
 /// Voxels found in one pass: candidates at first, then those of them that were removed.
 struct Found {
-    bits: Vec<u32>,
+    bits: Vec<u64>,
     /// Whether a row has any.
     rows: Vec<bool>,
 }
@@ -156,7 +156,7 @@ impl Found {
 /// What is left to look at.
 struct Open {
     /// Voxels that have not been looked at since a neighbour of theirs was removed.
-    bits: Vec<u32>,
+    bits: Vec<u64>,
     /// Sides from which a row may have open voxels.
     sides: Vec<u8>,
 }
@@ -168,19 +168,19 @@ struct Done(AtomicUsize);
 /// Rows between two notes of how far a plane is done: a note costs a trip between two cores.
 const NOTE: usize = 8;
 /// The voxels of a word at even places.
-const EVEN: u32 = 0x5555_5555;
+const EVEN: u64 = 0x5555_5555_5555_5555;
 /// Candidates for which waking the other threads pays.
 const WORTH_SHARING: usize = 2048;
 
 struct Thinning<'a> {
-    solid: Vec<AtomicU32>,
+    solid: Vec<AtomicU64>,
     layout: Layout,
     rules: Rules,
     monitor: &'a Monitor<'a>,
 }
 
 impl Thinning<'_> {
-    fn run(&self, open: Vec<u32>, flat: [bool; 3]) -> Result<()> {
+    fn run(&self, open: Vec<u64>, flat: [bool; 3]) -> Result<()> {
         let layout = &self.layout;
         let mut open = Open { bits: open, sides: vec![0xff; layout.rows * layout.planes] };
         let mut removed = Found::none(layout);
@@ -215,19 +215,22 @@ impl Thinning<'_> {
             .zip(open.bits[1..].par_chunks_exact_mut(plane))
             .zip(open.sides.par_chunks_exact_mut(rows));
         let count = |z: usize, (((found, any), open), sides): (_, &mut [u8])| {
-            let (found, any, open): (&mut [u32], &mut [bool], &mut [u32]) = (found, any, open);
+            let (found, any, open): (&mut [u64], &mut [bool], &mut [u64]) = (found, any, open);
             if z == 0 || z + 1 == self.layout.planes {
                 return Ok(0);
             }
             self.monitor.check()?;
             let mut count = 0;
-            let changed = |y: usize| [z - 1, z, z + 1].iter().any(|z| removed.rows[z * rows + y]);
+            let changed = |y: usize| {
+                let flags = &removed.rows[..];
+                flags[(z - 1) * rows + y] | flags[z * rows + y] | flags[(z + 1) * rows + y]
+            };
             let mut near = [false, changed(0), changed(1)];
             for y in 1..rows - 1 {
                 near = [near[1], near[2], changed(y + 1)];
                 let row = y * words..(y + 1) * words;
                 let (found, open) = (&mut found[row.clone()], &mut open[row]);
-                if near.contains(&true) {
+                if near[0] | near[1] | near[2] {
                     self.reopen(z, y, removed, open);
                     sides[y] = 0xff;
                 }
@@ -248,24 +251,30 @@ impl Thinning<'_> {
     }
 
     /// Opens the voxels of a row that have a removed neighbour.
-    fn reopen(&self, z: usize, y: usize, removed: &Found, open: &mut [u32]) {
+    fn reopen(&self, z: usize, y: usize, removed: &Found, open: &mut [u64]) {
         let words = self.layout.words;
+        let mut near: [&[u64]; 9] = [&[]; 9];
+        let mut count = 0;
         for z in z - 1..=z + 1 {
             for y in y - 1..=y + 1 {
                 if removed.rows[z * self.layout.rows + y] {
                     let at = self.layout.at(z, y);
-                    let bits = &removed.bits[at - 1..=at + words];
-                    for (open, bits) in open.iter_mut().zip(bits.windows(3)) {
-                        let seen = window([bits[0], bits[1], bits[2]]);
-                        *open |= (seen | seen >> 1 | seen >> 2) as u32;
-                    }
+                    near[count] = &removed.bits[at..at + words];
+                    count += 1;
                 }
             }
+        }
+        let any = |word: usize| near[..count].iter().fold(0, |any, row| any | row[word]);
+        let (mut before, mut own) = (0, any(0));
+        for (word, open) in open.iter_mut().enumerate() {
+            let behind = if word + 1 < words { any(word + 1) } else { 0 };
+            *open |= own | own << 1 | own >> 1 | before >> (BITS - 1) | behind << (BITS - 1);
+            (before, own) = (own, behind);
         }
     }
 
     /// Finds the candidates of a row and settles the voxels that may not go.
-    fn collect_row(&self, side: Side, at: usize, open: &mut [u32], found: &mut [u32]) -> usize {
+    fn collect_row(&self, side: Side, at: usize, open: &mut [u64], found: &mut [u64]) -> usize {
         let solid = |at: usize| self.solid[at].load(Ordering::Relaxed);
         let step = [self.layout.plane(), self.layout.words, 0][side.axis];
         let mut count = 0;
@@ -275,18 +284,18 @@ impl Thinning<'_> {
                 continue;
             }
             let beyond = match (side.axis, side.up) {
-                (2, true) => own >> 1 | solid(at + 1) << 31,
-                (2, false) => own << 1 | solid(at - 1) >> 31,
+                (2, true) => own >> 1 | solid(at + 1) << (BITS - 1),
+                (2, false) => own << 1 | solid(at - 1) >> (BITS - 1),
                 (_, true) => solid(at + step),
                 (_, false) => solid(at - step),
             };
             let border = own & *open & !beyond;
             if border != 0 {
-                let windows = windows(&self.solid, &self.layout, at);
+                let around = Around::new(&self.solid, &self.layout, at);
                 let mut settled = 0;
                 for bit in ones(border) {
-                    let stays = !self.rules.may_go(neighbourhood(&windows, bit));
-                    settled |= u32::from(stays) << bit;
+                    let stays = !self.rules.may_go(around.neighbourhood(bit));
+                    settled |= u64::from(stays) << bit;
                 }
                 *open &= !settled;
                 *found = border & !settled;
@@ -370,7 +379,7 @@ impl Thinning<'_> {
         &self,
         z: usize,
         done: &[Done],
-        found: &mut [u32],
+        found: &mut [u64],
         rows: &mut [bool],
     ) -> bool {
         let mut any = false;
@@ -391,7 +400,7 @@ impl Thinning<'_> {
                         std::hint::spin_loop();
                     }
                 }
-                any |= self.remove_in_row(z, y, found, rows, &[u32::MAX]);
+                any |= self.remove_in_row(z, y, found, rows, &[u64::MAX]);
             }
         }
         any
@@ -402,9 +411,9 @@ impl Thinning<'_> {
         &self,
         z: usize,
         y: usize,
-        found: &mut [u32],
+        found: &mut [u64],
         rows: &mut [bool],
-        masks: &[u32],
+        masks: &[u64],
     ) -> bool {
         let words = self.layout.words;
         let found = &mut found[y * words..(y + 1) * words];
@@ -414,11 +423,11 @@ impl Thinning<'_> {
                 if candidates == 0 {
                     continue;
                 }
-                let mut windows = windows(&self.solid, &self.layout, at);
+                let mut around = Around::new(&self.solid, &self.layout, at);
                 let mut gone = 0;
                 for bit in ones(candidates) {
-                    if self.rules.may_still_go(neighbourhood(&windows, bit)) {
-                        windows[4] &= !(2 << bit);
+                    if self.rules.may_still_go(around.neighbourhood(bit)) {
+                        around.clear(bit);
                         gone |= 1 << bit;
                     }
                 }
