@@ -368,7 +368,13 @@ impl Thinning<'_> {
             }
         };
         if share {
-            rayon::broadcast(|_| work());
+            // A helper that comes too late finds nothing to do, and nobody waits for it.
+            rayon::scope(|scope| {
+                for _ in 1..rayon::current_num_threads() {
+                    scope.spawn(|_| work());
+                }
+                work();
+            });
         } else {
             work();
         }
