@@ -24,8 +24,10 @@ __all__ = [
     "ranks_by_phase",
     "secants",
     "signed_distance",
+    "skeleton_graph",
     "surface_area",
     "synthesize",
+    "thin",
     "two_point",
 ]
 
@@ -137,6 +139,23 @@ def euler_number(
 def euler_corrected(
     solid: npt.NDArray[np.bool_], *, connectivity: int, threads: int = 0
 ) -> tuple[int, int]: ...
+def thin(
+    solid: npt.NDArray[np.bool_], *, kind: str, method: str, threads: int = 0
+) -> npt.NDArray[np.bool_]: ...
+def skeleton_graph(
+    skeleton: npt.NDArray[np.bool_],
+    voxel_size: tuple[float, float, float],
+    *,
+    threads: int = 0,
+) -> tuple[
+    npt.NDArray[np.float64],
+    npt.NDArray[np.uint8],
+    npt.NDArray[np.int64],
+    npt.NDArray[np.int64],
+    npt.NDArray[np.float64],
+    npt.NDArray[np.uint32],
+    npt.NDArray[np.int64],
+]: ...
 def two_point(
     solid: npt.NDArray[np.bool_], r_max: int, *, boundary: str, threads: int = 0
 ) -> list[npt.NDArray[np.float64]]: ...

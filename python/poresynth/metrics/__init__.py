@@ -41,6 +41,8 @@ from poresynth.metrics.parts import (
     remove_small_parts,
 )
 from poresynth.metrics.registry import METRICS, TRANSPORT_METRICS, Metric, unit_of
+from poresynth.metrics.skeleton import EndPoints, end_points, skeletonize
+from poresynth.metrics.skeleton_graph import Branches, Nodes, SkeletonGraph, skeleton_graph
 from poresynth.metrics.specimen import Specimen
 from poresynth.metrics.structure_error import StructureDifference, StructureError, structure_error
 from poresynth.metrics.surface import SurfaceArea, surface_area
@@ -58,16 +60,20 @@ __all__ = [
     "METRICS",
     "TRANSPORT_METRICS",
     "BettiNumbers",
+    "Branches",
     "ComponentStatistics",
     "Components",
     "Connectivity",
+    "EndPoints",
     "EulerDensity",
     "Fabric",
     "HistogramDistance",
     "Metric",
     "Morphometry",
+    "Nodes",
     "Novelty",
     "Percolation",
+    "SkeletonGraph",
     "Specimen",
     "StructureDifference",
     "StructureError",
@@ -79,6 +85,7 @@ __all__ = [
     "component_wasserstein",
     "components",
     "connectivity_density",
+    "end_points",
     "euler_density",
     "euler_number",
     "floating_parts",
@@ -97,6 +104,8 @@ __all__ = [
     "porosity",
     "remove_small_parts",
     "seam",
+    "skeleton_graph",
+    "skeletonize",
     "structure_error",
     "surface_area",
     "two_point_correlation",

@@ -8,6 +8,7 @@ mod euler;
 mod geometry;
 mod intensity;
 mod surface;
+mod skeleton;
 mod texture;
 mod topology;
 
@@ -46,6 +47,8 @@ mod _core {
     use super::geometry::signed_distance;
     #[pymodule_export]
     use super::intensity::{cut_phases, cut_solid, ranks_by_phase};
+    #[pymodule_export]
+    use super::skeleton::{skeleton_graph, thin};
     #[pymodule_export]
     use super::surface::{secants, surface_area};
     #[pymodule_export]

@@ -107,6 +107,192 @@ pub(super) fn paint<T: Tally + Sync, V: Copy + Send>(
         }
     });
     Ok(())
+        let mut order: Vec<u32> = (0..first.len() as u32).collect();
+        order.par_sort_unstable_by_key(|&component| first[component as usize]);
+        let mut rank = vec![0; order.len()];
+        for (new, &old) in order.iter().enumerate() {
+            rank[old as usize] = new as u32;
+        }
+        self.sizes = order.iter().map(|&old| self.sizes[old as usize]).collect();
+        self.components.par_iter_mut().for_each(|component| *component = rank[*component as usize]);
+    }
+}
+
+fn cut_into_runs(planes: ArrayView3<'_, bool>, monitor: &Monitor<'_>) -> Result<Slab> {
+    let (nz, ny, nx) = planes.dim();
+    let mut runs: Vec<Run> = Vec::new();
+    let mut row_starts = Vec::with_capacity(nz * ny + 1);
+    row_starts.push(0);
+    let mut copy = Vec::new();
+    for plane in planes.outer_iter() {
+        monitor.check()?;
+        for row in plane.outer_iter() {
+            if let Some(row) = row.as_slice() {
+                push_runs(row, &mut runs);
+            } else {
+                copy.clear();
+                copy.extend(row);
+                push_runs(&copy, &mut runs);
+            }
+            row_starts.push(u32::try_from(runs.len()).map_err(|_| {
+                Error::parameter("shape", (nz, ny, nx), "has too many components in one slab")
+            })?);
+        }
+    }
+    Ok(Slab { planes: nz, rows_per_plane: ny, first_run: 0, runs, row_starts })
+}
+
+/// Appends the runs of a row, found as the set bits of (row xor row shifted by one).
+fn push_runs(row: &[bool], runs: &mut Vec<Run>) {
+    let mut open: Option<u32> = None;
+    for (word, voxels) in row.chunks(64).enumerate() {
+        let before = u64::from(open.is_some());
+        let bits = pack(voxels);
+        let mut changes = bits ^ (bits << 1 | before);
+        while changes != 0 {
+            let at = (64 * word) as u32 + changes.trailing_zeros();
+            changes &= changes - 1;
+            open = match open {
+                None => Some(at),
+                Some(start) => {
+                    runs.push([start, at]);
+                    None
+                }
+            };
+        }
+    }
+    if let Some(start) = open {
+        runs.push([start, row.len() as u32]);
+    }
+}
+
+/// Bit i is voxel i, for up to 64 voxels.
+pub(super) fn pack(voxels: &[bool]) -> u64 {
+    /// Gathers the lowest bits of eight bytes in the top byte of the product.
+    const GATHER: u64 = 0x0102_0408_1020_4080;
+    let (eights, rest) = voxels.as_chunks::<8>();
+    let mut bits = 0;
+    for (i, eight) in eights.iter().enumerate() {
+        let bytes = u64::from_le_bytes(eight.map(u8::from));
+        bits |= (bytes.wrapping_mul(GATHER) >> 56) << (8 * i);
+    }
+    for (i, &voxel) in rest.iter().enumerate() {
+        bits |= u64::from(voxel) << (8 * eights.len() + i);
+    }
+    bits
+}
+
+/// Which rows and runs touch.
+struct Neighbours {
+    connectivity: Connectivity,
+    periodic: bool,
+    rows: usize,
+    row_length: u32,
+}
+
+impl Neighbours {
+    /// Unites runs inside one plane.
+    fn unite_within(&self, slab: &Slab, z: usize, parents: &mut [u32]) {
+        let reach = self.connectivity.reach(1);
+        for y in 1..self.rows {
+            self.unite_rows(slab.row(z, y - 1), slab.row(z, y), reach, parents);
+        }
+        if self.periodic && self.rows > 0 {
+            self.unite_rows(slab.row(z, self.rows - 1), slab.row(z, 0), reach, parents);
+            for y in 0..self.rows {
+                let (runs, first) = slab.row(z, y);
+                if let (Some([0, _]), Some(&[_, end])) = (runs.first(), runs.last())
+                    && end == self.row_length
+                {
+                    unite(parents, first, first + runs.len() as u32 - 1);
+                }
+            }
+        }
+    }
+
+    /// Unites runs of two adjacent planes, each given as a slab, a plane in it, and what to add to
+    /// the slab's run numbers.
+    fn unite_planes(
+        &self,
+        (below, z_below, add_below): (&Slab, usize, u32),
+        (above, z_above, add_above): (&Slab, usize, u32),
+        parents: &mut [u32],
+    ) {
+        let shift = |(runs, first): (_, u32), add| (runs, first + add);
+        for y in 0..self.rows {
+            let row = shift(above.row(z_above, y), add_above);
+            if row.0.is_empty() {
+                continue;
+            }
+            let mut unite_with = |y: usize, steps| {
+                let other = shift(below.row(z_below, y), add_below);
+                self.unite_rows(other, row, self.connectivity.reach(steps), parents);
+            };
+            unite_with(y, 1);
+            if y > 0 || self.periodic {
+                unite_with((y + self.rows - 1) % self.rows, 2);
+            }
+            if y + 1 < self.rows || self.periodic {
+                unite_with((y + 1) % self.rows, 2);
+            }
+        }
+    }
+
+    /// Unites the runs of two rows that touch within `reach`.
+    fn unite_rows(
+        &self,
+        (a, first_a): (&[Run], u32),
+        (b, first_b): (&[Run], u32),
+        reach: Option<u32>,
+        parents: &mut [u32],
+    ) {
+        let Some(reach) = reach else { return };
+        let (mut i, mut j) = (0, 0);
+        while let (Some(&[start_a, end_a]), Some(&[start_b, end_b])) = (a.get(i), b.get(j)) {
+            if start_a < end_b + reach && start_b < end_a + reach {
+                unite(parents, first_a + i as u32, first_b + j as u32);
+            }
+            if end_a < end_b {
+                i += 1;
+            } else {
+                j += 1;
+            }
+        }
+        if self.periodic && reach > 0 {
+            let mut across = |(a, first_a): (&[Run], u32), (b, first_b): (&[Run], u32)| {
+                if let (Some([0, _]), Some(&[_, end])) = (a.first(), b.last())
+                    && end == self.row_length
+                {
+                    unite(parents, first_a, first_b + b.len() as u32 - 1);
+                }
+            };
+            across((a, first_a), (b, first_b));
+            across((b, first_b), (a, first_a));
+        }
+    }
+}
+
+/// Joins two trees; the smaller root wins.
+fn unite(parents: &mut [u32], a: u32, b: u32) {
+    let (a, b) = (root(parents, a), root(parents, b));
+    if a < b {
+        parents[b as usize] = a;
+    } else {
+        parents[a as usize] = b;
+    }
+}
+
+/// Root of a tree; halves the path to it on the way.
+fn root(parents: &mut [u32], mut run: u32) -> u32 {
+    loop {
+        let parent = parents[run as usize];
+        if parent == run {
+            return run;
+        }
+        let grandparent = parents[parent as usize];
+        parents[run as usize] = grandparent;
+        run = grandparent;
+    }
 }
 
 #[cfg(test)]

@@ -9,3 +9,8 @@ pub mod parts;
 mod runs;
 mod seams;
 pub mod statistics;
+mod bit_rows;
+pub mod labelling;
+mod simple_point;
+pub mod skeleton_graph;
+pub mod thinning;
