@@ -4,6 +4,7 @@
 mod cancellable;
 mod correlation;
 mod geometry;
+mod gray;
 mod intensity;
 mod texture;
 mod topology;
@@ -34,9 +35,13 @@ mod _core {
     use pyo3::prelude::*;
 
     #[pymodule_export]
-    use super::correlation::{novelty, two_point};
+    use super::correlation::{
+        local_porosity, novelty, run_lengths, two_point, two_point_cluster, two_point_map,
+    };
     #[pymodule_export]
     use super::geometry::signed_distance;
+    #[pymodule_export]
+    use super::gray::{binned_counts, gray_moments, level_counts, match_histogram};
     #[pymodule_export]
     use super::intensity::{cut_phases, cut_solid, ranks_by_phase};
     #[pymodule_export]
