@@ -280,6 +280,9 @@ impl<'a> Differences<'a> {
     fn add(&mut self, runs: &[Run], monitor: &Monitor<'_>) -> Result<()> {
         let (reach, period) = (self.layout.reach[0], self.layout.shape[0]);
         let periodic = self.layout.periodic[0];
+        if !periodic {
+            return self.add_open(runs, monitor);
+        }
         for (i, &a) in runs.iter().enumerate() {
             monitor.check()?;
             self.add_pair(0, a, a);
@@ -287,13 +290,40 @@ impl<'a> Differences<'a> {
                 let lag = (b.z - a.z) as usize;
                 if lag <= reach {
                     self.add_pair(lag, a, b);
-                } else if !periodic {
-                    break;
                 }
                 if lag == 0 {
                     self.add_pair(0, b, a);
-                } else if periodic && period - lag <= reach {
+                } else if period - lag <= reach {
                     self.add_pair(period - lag, b, a);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds all pairs of voxels of one cluster that does not go on at the opposite face.
+    fn add_open(&mut self, runs: &[Run], monitor: &Monitor<'_>) -> Result<()> {
+        let [rz, ry, rx] = self.layout.reach.map(|reach| reach as i32);
+        let [stride_z, stride_y] = [self.layout.lags()[1] * self.stride, self.stride];
+        for (i, &a) in runs.iter().enumerate() {
+            monitor.check()?;
+            self.add_pair(0, a, a);
+            for &b in &runs[i + 1..] {
+                let lag_z = (b.z - a.z) as i32;
+                let lag_y = b.y as i32 - a.y as i32;
+                if lag_z > rz {
+                    break;
+                }
+                if lag_y.abs() > ry {
+                    continue;
+                }
+                let row = lag_z as usize * stride_z + (lag_y + ry) as usize * stride_y;
+                let first = b.start as i32 - a.end as i32 + 1 + rx;
+                let lengths = [a.end - a.start, b.end - b.start].map(i64::from);
+                let row = &mut self.rows[row..row + stride_y];
+                add_trapezoid(row, i64::from(first), lengths);
+                if lag_z == 0 {
+                    self.add_pair(0, b, a);
                 }
             }
         }
@@ -346,6 +376,15 @@ impl<'a> Differences<'a> {
 /// level, and falling to 0 at `first + a + b − 1`. Indices outside the row are cut.
 fn add_trapezoid(row: &mut [i64], first: i64, [a, b]: [i64; 2]) {
     let lags = row.len() as i64 - 1;
+    if first >= 0 && first + a + b < lags {
+        let inside = &mut row[first as usize + 1..=(first + a + b) as usize + 1];
+        let [a, b] = [a as usize, b as usize];
+        inside[0] += 1;
+        inside[a] -= 1;
+        inside[b] -= 1;
+        inside[a + b] += 1;
+        return;
+    }
     if first >= lags || first + a + b <= 1 {
         return;
     }

@@ -6,6 +6,7 @@
 use rayon::prelude::*;
 
 use super::order::{Bits, Kind};
+use super::radix::radix_sort;
 use crate::error::Result;
 use crate::monitor::Monitor;
 
@@ -19,6 +20,7 @@ const CHUNK: usize = 1 << 20;
 /// Which bucket each value belongs to.
 pub(super) struct Buckets<T> {
     kind: Kind,
+    high: HighBits,
     /// Bucket of the highest bits of a key.
     of_bits: Vec<u16>,
     /// Where each bucket begins; one more entry than buckets.
@@ -28,29 +30,33 @@ pub(super) struct Buckets<T> {
     values: std::marker::PhantomData<T>,
 }
 
-/// The highest bits of a key, of which the buckets are made.
-#[inline(always)]
-fn high_bits<T: Bits>(key: T) -> usize {
-    (key.wide() >> T::WIDTH.saturating_sub(16)) as usize
+/// The 16 highest bits in which the keys of some values differ.
+#[derive(Clone, Copy)]
+struct HighBits {
+    lowest: u64,
+    shift: u32,
 }
 
-/// How often each value of the highest bits occurs in each chunk of voxels.
-fn count_high_bits<T: Bits>(
-    values: &[T],
-    kind: Kind,
-    monitor: &Monitor<'_>,
-) -> Result<Vec<Vec<u32>>> {
-    values
-        .par_chunks(CHUNK)
-        .map(|chunk| {
-            monitor.check()?;
-            let mut counts = vec![0u32; 1 << T::WIDTH.min(16)];
-            for value in chunk {
-                counts[high_bits(value.key(kind))] += 1;
-            }
-            Ok(counts)
-        })
-        .collect()
+impl HighBits {
+    fn new<T: Bits>(values: &[T], kind: Kind, monitor: &Monitor<'_>) -> Result<Self> {
+        let (lowest, highest) = values
+            .par_chunks(CHUNK)
+            .map(|chunk| {
+                monitor.check()?;
+                Ok(chunk.iter().fold((u64::MAX, 0), |(low, high), value| {
+                    let key = value.key(kind).wide();
+                    (low.min(key), high.max(key))
+                }))
+            })
+            .try_reduce(|| (u64::MAX, 0), |a, b| Ok((a.0.min(b.0), a.1.max(b.1))))?;
+        let width = u64::BITS - highest.saturating_sub(lowest).leading_zeros();
+        Ok(Self { lowest, shift: width.saturating_sub(16) })
+    }
+
+    #[inline(always)]
+    fn of<T: Bits>(self, key: T) -> usize {
+        ((key.wide() - self.lowest) >> self.shift) as usize
+    }
 }
 
 /// How often each value occurs, by key, of values of at most 16 bits.
@@ -61,7 +67,7 @@ pub fn level_counts<T: Bits>(values: &[T], kind: Kind, monitor: &Monitor<'_>) ->
             monitor.check()?;
             let mut counts = vec![0u64; 1 << T::WIDTH.min(16)];
             for value in chunk {
-                counts[high_bits(value.key(kind))] += 1;
+                counts[value.key(kind).wide() as usize] += 1;
             }
             Ok(counts)
         })
@@ -76,12 +82,23 @@ pub fn level_counts<T: Bits>(values: &[T], kind: Kind, monitor: &Monitor<'_>) ->
 
 impl<T: Bits> Buckets<T> {
     pub fn new(values: &[T], kind: Kind, monitor: &Monitor<'_>) -> Result<Self> {
-        let high = count_high_bits(values, kind, monitor)?;
+        let bits = HighBits::new(values, kind, monitor)?;
+        let high = values
+            .par_chunks(CHUNK)
+            .map(|chunk| {
+                monitor.check()?;
+                let mut counts = vec![0u32; 1 << 16];
+                for value in chunk {
+                    counts[bits.of(value.key(kind))] += 1;
+                }
+                Ok(counts)
+            })
+            .collect::<Result<Vec<_>>>()?;
         let wanted = BUCKET.max(values.len() / MOST_BUCKETS);
-        let mut of_bits = vec![0u16; 1 << T::WIDTH.min(16)];
+        let mut of_bits = vec![0u16; 1 << 16];
         let (mut bucket, mut size) = (0u16, 0);
-        for (bits, of) in of_bits.iter_mut().enumerate() {
-            let count: usize = high.iter().map(|counts| counts[bits] as usize).sum();
+        for (value, of) in of_bits.iter_mut().enumerate() {
+            let count: usize = high.iter().map(|counts| counts[value] as usize).sum();
             if size > 0 && size + count > wanted {
                 (bucket, size) = (bucket + 1, 0);
             }
@@ -104,12 +121,12 @@ impl<T: Bits> Buckets<T> {
         for bucket in 0..buckets {
             starts[bucket + 1] += starts[bucket];
         }
-        Ok(Self { kind, of_bits, starts, counts, values: std::marker::PhantomData })
+        Ok(Self { kind, high: bits, of_bits, starts, counts, values: std::marker::PhantomData })
     }
 
     #[inline(always)]
     fn of(&self, key: T) -> usize {
-        usize::from(self.of_bits[high_bits(key)])
+        usize::from(self.of_bits[self.high.of(key)])
     }
 
     /// Deals the keys of the values out, bucket after bucket.
@@ -179,9 +196,6 @@ impl<T: Bits> Buckets<T> {
     }
 }
 
-/// A bucket so large, because of ties, that it is sorted by all threads.
-pub(super) const HUGE: usize = 1 << 20;
-
 /// The keys of the values, in order.
 pub(super) fn sorted_keys<T: Bits>(
     values: &[T],
@@ -198,13 +212,9 @@ pub(super) fn sorted_keys<T: Bits>(
     }
     let buckets = Buckets::new(values, kind, monitor)?;
     let mut keys = buckets.deal(values, monitor)?;
-    buckets.parts(&mut keys).into_par_iter().try_for_each(|keys| {
+    buckets.parts(&mut keys).into_par_iter().try_for_each_init(Vec::new, |spare, keys| {
         monitor.check()?;
-        if keys.len() > HUGE {
-            keys.par_sort_unstable();
-        } else {
-            keys.sort_unstable();
-        }
+        radix_sort(keys, spare, |key| key.wide());
         Ok(())
     })?;
     Ok(keys)

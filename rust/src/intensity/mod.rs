@@ -5,6 +5,7 @@ pub mod cut;
 pub mod histogram;
 pub mod matching;
 pub mod order;
+mod radix;
 pub mod statistics;
 
 pub use buckets::level_counts;

@@ -14,8 +14,10 @@ pub enum Kind {
 /// Bits of a number.
 pub trait Bits: Copy + Default + Ord + Send + Sync + 'static {
     /// Unsigned integer whose order is that of the numbers; 0.0 and −0.0 are equal.
+    #[must_use]
     fn key(self, kind: Kind) -> Self;
     /// The bits of a key.
+    #[must_use]
     fn of_key(key: Self, kind: Kind) -> Self;
     /// As a 64-bit integer.
     fn wide(self) -> u64;
@@ -72,15 +74,16 @@ bits!(u8, u16, u32, u64);
 mod tests {
     use super::*;
 
+    fn check<T: Bits + std::fmt::Debug>(bits: &[T], kind: Kind) {
+        assert!(bits.windows(2).all(|w| w[0].key(kind) < w[1].key(kind)));
+        assert!(bits.iter().all(|&b| T::of_key(b.key(kind), kind) == b));
+    }
+
     #[test]
     fn keys_keep_the_order_and_come_back() {
         let floats = [f32::MIN, -1.5, -1e-40, 0.0, 1e-40, 2.0, f32::MAX].map(f32::to_bits);
         let doubles = [f64::MIN, -1.5, 0.0, 1e-310, 2.0].map(f64::to_bits);
         let signed = [i16::MIN, -3, 0, 7, i16::MAX].map(|v| v as u16);
-        fn check<T: Bits + std::fmt::Debug>(bits: &[T], kind: Kind) {
-            assert!(bits.windows(2).all(|w| w[0].key(kind) < w[1].key(kind)));
-            assert!(bits.iter().all(|&b| T::of_key(b.key(kind), kind) == b));
-        }
         check(&floats, Kind::Float);
         check(&doubles, Kind::Float);
         check(&signed, Kind::Signed);

@@ -14,6 +14,7 @@ pub trait Gray: Copy + Send + Sync {
 macro_rules! gray {
     ($($number:ty),*) => {$(
         impl Gray for $number {
+            #[allow(clippy::cast_lossless)]
             #[inline(always)]
             fn number(self) -> f64 {
                 self as f64
@@ -155,8 +156,9 @@ mod tests {
 
     #[test]
     fn edges_belong_to_the_bin_above_them() {
-        let edges = [0.0, 0.1, 0.2, 0.30000000000000004, 0.4];
-        let values = [-0.1, 0.0, 0.1, 0.2, 0.3, 0.30000000000000004, 0.4, 0.41];
+        let third = 0.1 + 0.2;
+        let edges = [0.0, 0.1, 0.2, third, 0.4];
+        let values = [-0.1, 0.0, 0.1, 0.2, 0.3, third, 0.4, 0.41];
         let found = binned_counts(&values, &edges, &Monitor::silent()).unwrap();
         assert_eq!(found, [1, 1, 2, 2]);
         for bad in [&[0.0][..], &[1.0, 1.0], &[0.0, f64::INFINITY]] {
