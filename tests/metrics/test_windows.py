@@ -97,7 +97,7 @@ def test_no_voxel_and_all_voxels() -> None:
     [
         ({"edges": 0}, "edges"),
         ({"edges": [2, 2.5]}, "edges"),
-        ({"edges": 4}, "window"),
+        ({"edges": 4}, "edges"),
         ({"edges": 2, "bins": 0}, "bins"),
         ({"edges": 2, "bins": 100_000}, "bins"),
         ({"edges": 2, "boundary": "mirror"}, "boundary"),

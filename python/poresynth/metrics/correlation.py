@@ -379,8 +379,8 @@ def two_point_cluster(
     C₂ as in Torquato (2002), §2.5, which tells apart media of one S₂ that conduct and that do not.
     Clusters of few runs are counted pair of runs by pair of runs, those of many by Fourier
     transforms of their bounding boxes. Exact as `two_point_correlation` is. Peak memory: 4 bytes a
-    voxel (the labels), 5 bytes a voxel of the largest bounding box, and 16 bytes a run of voxels
-    along the rows.
+    voxel (the labels), 5 bytes a voxel of the largest bounding box, 16 bytes a run of voxels along
+    the rows, and 32 r_max³ bytes for each thread.
     """
     r_max, scale = whole_number("r_max", r_max, 0), scale_of(solid, voxel_size)
     labels, sizes = label(

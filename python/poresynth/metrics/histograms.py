@@ -226,8 +226,9 @@ def match_histogram(
     Notes
     -----
     Rank r of n becomes rank ⌊(2 r + 1) m / 2 n⌋ of m. Integers of at most 16 bits whose ties stay
-    alike go through a table; all else is sorted. Peak memory, in bytes a voxel of a channel: the
-    reference's size, and for a sort the source's and the reference's once more.
+    alike go through a table; all else is sorted. Peak memory beyond the result: the reference's
+    size, and for a sort the source's too; for a value that occurs oftener than 32 000 times, 16
+    bytes for each time.
     """
     if ties not in ("alike", "random"):
         raise ParameterError("ties", ties, "must be 'alike' or 'random'")

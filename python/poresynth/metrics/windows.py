@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from poresynth import _core
+from poresynth.errors import ParameterError
 from poresynth.metrics.arguments import PhaseLike, as_phase, scale_of, whole_number
 
 __all__ = ["LocalPorosity", "local_porosity"]
@@ -112,6 +113,9 @@ def local_porosity(
     for size in sizes:
         edge = whole_number("edges", size, 1)
         window = tuple(max(1, round(edge * smallest / own)) for own in scale.voxel_size)
+        if any(own > n for own, n in zip(window, array.shape, strict=True)):
+            allowed = f"must be windows that fit into the volume's {array.shape} voxels"
+            raise ParameterError("edges", edge, allowed)
         count, number, total, squares = _core.local_porosity(
             array,
             (window[0], window[1], window[2]),

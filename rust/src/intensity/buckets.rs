@@ -61,19 +61,29 @@ impl HighBits {
 
 /// How often each value occurs, by key, of values of at most 16 bits.
 pub fn level_counts<T: Bits>(values: &[T], kind: Kind, monitor: &Monitor<'_>) -> Result<Vec<u64>> {
+    /// Neighbours are often alike; in tables of their own they need not wait for each other.
+    const TABLES: usize = 4;
+    let levels = 1usize << T::WIDTH.min(16);
     values
         .par_chunks(CHUNK)
         .map(|chunk| {
             monitor.check()?;
-            let mut counts = vec![0u64; 1 << T::WIDTH.min(16)];
-            for value in chunk {
-                counts[value.key(kind).wide() as usize] += 1;
+            let mut tables = vec![0u32; TABLES * levels];
+            let (fours, rest) = chunk.as_chunks::<TABLES>();
+            for four in fours {
+                for (table, value) in four.iter().enumerate() {
+                    tables[table * levels + value.key(kind).wide() as usize % levels] += 1;
+                }
             }
-            Ok(counts)
+            for value in rest {
+                tables[value.key(kind).wide() as usize % levels] += 1;
+            }
+            let sum = |level| tables[level..].iter().step_by(levels).map(|&n| u64::from(n)).sum();
+            Ok((0..levels).map(sum).collect())
         })
         .try_reduce(
-            || vec![0; 1 << T::WIDTH.min(16)],
-            |mut a, b| {
+            || vec![0; levels],
+            |mut a: Vec<u64>, b| {
                 a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
                 Ok(a)
             },
@@ -214,7 +224,7 @@ pub(super) fn sorted_keys<T: Bits>(
     let mut keys = buckets.deal(values, monitor)?;
     buckets.parts(&mut keys).into_par_iter().try_for_each_init(Vec::new, |spare, keys| {
         monitor.check()?;
-        radix_sort(keys, spare, |key| key.wide());
+        radix_sort(keys, spare, T::wide);
         Ok(())
     })?;
     Ok(keys)
