@@ -3,7 +3,7 @@
 mod common;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use poresynth_core::correlation::two_point::two_point;
+use poresynth_core::correlation::two_point::{Lags, two_point};
 use poresynth_core::monitor::Monitor;
 use poresynth_core::volume::Boundary;
 
@@ -15,7 +15,9 @@ fn correlation(c: &mut Criterion) {
         group.throughput(Throughput::Elements(solid.len() as u64));
         for (name, boundary) in [("open", Boundary::Open), ("periodic", Boundary::Periodic)] {
             group.bench_function(format!("{edge}³, {name}"), |b| {
-                b.iter(|| two_point(solid.view(), 50, boundary, &Monitor::silent()));
+                b.iter(|| {
+                    two_point(solid.view(), None, &Lags::cubic(50, boundary), &Monitor::silent())
+                });
             });
         }
     }

@@ -9,6 +9,7 @@ import numpy.typing as npt
 __all__ = [
     "MatchMap",
     "__version__",
+    "binned_counts",
     "carry",
     "cavities",
     "component_sizes",
@@ -18,10 +19,15 @@ __all__ = [
     "euler_corrected",
     "euler_number",
     "gaussian",
+    "gray_moments",
     "keep_parts",
     "label",
+    "level_counts",
+    "local_porosity",
+    "match_histogram",
     "novelty",
     "ranks_by_phase",
+    "run_lengths",
     "secants",
     "signed_distance",
     "skeleton_graph",
@@ -29,6 +35,8 @@ __all__ = [
     "synthesize",
     "thin",
     "two_point",
+    "two_point_cluster",
+    "two_point_map",
 ]
 
 __version__: str
@@ -156,8 +164,33 @@ def skeleton_graph(
     npt.NDArray[np.uint32],
     npt.NDArray[np.int64],
 ]: ...
+def gray_moments(
+    values: npt.NDArray[Any], *, threads: int = 0
+) -> tuple[float, float, float, float]: ...
+def binned_counts(
+    values: npt.NDArray[Any], edges: npt.NDArray[np.float64], *, threads: int = 0
+) -> npt.NDArray[np.uint64]: ...
+def level_counts(
+    values: npt.NDArray[Any], kind: str, *, threads: int = 0
+) -> npt.NDArray[np.uint64]: ...
+def match_histogram(
+    source: npt.NDArray[Any],
+    source_kind: str,
+    reference: npt.NDArray[Any],
+    reference_kind: str,
+    out: npt.NDArray[Any],
+    *,
+    seed: int | None = None,
+    threads: int = 0,
+) -> None: ...
 def two_point(
-    solid: npt.NDArray[np.bool_], r_max: int, *, boundary: str, threads: int = 0
+    first: npt.NDArray[np.bool_],
+    r_max: int,
+    *,
+    boundary: str,
+    voxel_size: tuple[float, float, float],
+    second: npt.NDArray[np.bool_] | None = None,
+    threads: int = 0,
 ) -> list[npt.NDArray[np.float64]]: ...
 def secants(
     solid: npt.NDArray[np.bool_],
@@ -175,6 +208,34 @@ def surface_area(
     boundary: str,
     threads: int = 0,
 ) -> tuple[float, float]: ...
+def two_point_map(
+    first: npt.NDArray[np.bool_],
+    r_max: int,
+    *,
+    boundary: str,
+    second: npt.NDArray[np.bool_] | None = None,
+    threads: int = 0,
+) -> npt.NDArray[np.float64]: ...
+def two_point_cluster(
+    labels: npt.NDArray[np.uint32],
+    clusters: int,
+    r_max: int,
+    *,
+    boundary: str,
+    voxel_size: tuple[float, float, float],
+    threads: int = 0,
+) -> list[npt.NDArray[np.float64]]: ...
+def run_lengths(
+    solid: npt.NDArray[np.bool_], *, boundary: str, threads: int = 0
+) -> list[tuple[npt.NDArray[np.uint64], npt.NDArray[np.uint64]]]: ...
+def local_porosity(
+    solid: npt.NDArray[np.bool_],
+    window: tuple[int, int, int],
+    bins: int,
+    *,
+    boundary: str,
+    threads: int = 0,
+) -> tuple[npt.NDArray[np.uint64], int, int, int]: ...
 def novelty(
     exemplar: npt.NDArray[np.float32],
     volume: npt.NDArray[np.float32],

@@ -6,6 +6,13 @@ two volumes take the exemplar first. All take volumes or plain arrays, in C or F
 
 from __future__ import annotations
 
+from poresynth.metrics.chords import (
+    ChordDistribution,
+    ChordLengths,
+    LinealPath,
+    chord_lengths,
+    lineal_path,
+)
 from poresynth.metrics.connectivity import (
     Components,
     component_sizes,
@@ -18,11 +25,24 @@ from poresynth.metrics.connectivity import (
 from poresynth.metrics.copying import Novelty, novelty, novelty_curve
 from poresynth.metrics.correlation import (
     TwoPointCorrelation,
+    TwoPointMap,
+    TwoPointMatrix,
+    two_point_cluster,
     two_point_correlation,
+    two_point_cross,
     two_point_error,
+    two_point_map,
+    two_point_matrix,
 )
 from poresynth.metrics.fabric import Fabric, mean_intercept_length
 from poresynth.metrics.fractions import porosity
+from poresynth.metrics.histograms import (
+    ChannelStatistics,
+    IntensityHistogram,
+    channel_statistics,
+    intensity_histogram,
+    match_histogram,
+)
 from poresynth.metrics.intensity import (
     HistogramDistance,
     gradient_ratio,
@@ -55,12 +75,16 @@ from poresynth.metrics.topology import (
     euler_density,
     euler_number,
 )
+from poresynth.metrics.windows import LocalPorosity, local_porosity
 
 __all__ = [
     "METRICS",
     "TRANSPORT_METRICS",
     "BettiNumbers",
     "Branches",
+    "ChannelStatistics",
+    "ChordDistribution",
+    "ChordLengths",
     "ComponentStatistics",
     "Components",
     "Connectivity",
@@ -68,6 +92,9 @@ __all__ = [
     "EulerDensity",
     "Fabric",
     "HistogramDistance",
+    "IntensityHistogram",
+    "LinealPath",
+    "LocalPorosity",
     "Metric",
     "Morphometry",
     "Nodes",
@@ -79,7 +106,11 @@ __all__ = [
     "StructureError",
     "SurfaceArea",
     "TwoPointCorrelation",
+    "TwoPointMap",
+    "TwoPointMatrix",
     "betti_numbers",
+    "channel_statistics",
+    "chord_lengths",
     "component_sizes",
     "component_statistics",
     "component_wasserstein",
@@ -91,9 +122,13 @@ __all__ = [
     "floating_parts",
     "gradient_ratio",
     "histogram_distance",
+    "intensity_histogram",
     "label",
     "largest_component_fraction",
     "largest_part",
+    "lineal_path",
+    "local_porosity",
+    "match_histogram",
     "mean_gradient",
     "mean_intercept_length",
     "measure",
@@ -108,7 +143,11 @@ __all__ = [
     "skeletonize",
     "structure_error",
     "surface_area",
+    "two_point_cluster",
     "two_point_correlation",
+    "two_point_cross",
     "two_point_error",
+    "two_point_map",
+    "two_point_matrix",
     "unit_of",
 ]

@@ -6,6 +6,7 @@ mod components;
 mod correlation;
 mod euler;
 mod geometry;
+mod gray;
 mod intensity;
 mod surface;
 mod skeleton;
@@ -40,11 +41,17 @@ mod _core {
     #[pymodule_export]
     use super::components::{cavities, component_statistics, keep_parts};
     #[pymodule_export]
+    use super::correlation::{
+        local_porosity, novelty, run_lengths, two_point, two_point_cluster, two_point_map,
+    };
+    #[pymodule_export]
     use super::correlation::{novelty, two_point};
     #[pymodule_export]
     use super::euler::{euler_corrected, euler_number};
     #[pymodule_export]
     use super::geometry::signed_distance;
+    #[pymodule_export]
+    use super::gray::{binned_counts, gray_moments, level_counts, match_histogram};
     #[pymodule_export]
     use super::intensity::{cut_phases, cut_solid, ranks_by_phase};
     #[pymodule_export]

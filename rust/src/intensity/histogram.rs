@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::order::{Bits, Kind};
 use crate::rng::Key;
 
 /// Bins of the output's cumulative histogram. 4096 bins on a field of 256 levels resolve a
@@ -135,8 +136,7 @@ fn sort_key(value: f32, bits: u64) -> u64 {
 
 /// Unsigned integer whose order is that of the (finite) floats.
 pub(super) fn ordered_bits(value: f32) -> u32 {
-    let bits = (value + 0.0).to_bits(); // + 0.0 makes -0.0 equal to 0.0
-    if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
+    value.to_bits().key(Kind::Float)
 }
 
 #[cfg(test)]
