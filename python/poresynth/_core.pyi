@@ -13,6 +13,7 @@ __all__ = [
     "component_sizes",
     "cut_phases",
     "cut_solid",
+    "distance_transform",
     "gaussian",
     "label",
     "novelty",
@@ -66,6 +67,14 @@ def carry(
 ) -> npt.NDArray[np.float32]: ...
 def gaussian(
     field: npt.NDArray[np.float32], sigma: float, *, boundary: str
+) -> npt.NDArray[np.float32]: ...
+def distance_transform(
+    phase: npt.NDArray[np.bool_],
+    voxel_size: tuple[float, float, float],
+    *,
+    boundary: str,
+    cap: float | None = None,
+    threads: int = 0,
 ) -> npt.NDArray[np.float32]: ...
 def signed_distance(
     phase: npt.NDArray[np.bool_],

@@ -2,4 +2,4 @@
 
 pub mod distance;
 
-pub use distance::{capped_distance, signed_distance};
+pub use distance::{distance_transform, signed_distance};
