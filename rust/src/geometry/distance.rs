@@ -78,8 +78,11 @@ pub(super) fn outside(
     phase: ArrayView3<'_, bool>,
 ) -> impl Fn(usize, usize, &mut [bool]) + Sync + '_ {
     move |z, y, row| {
-        for (target, &inside) in row.iter_mut().zip(phase.slice(s![z, y, ..])) {
-            *target = !inside;
+        let inside = phase.slice(s![z, y, ..]);
+        if let Some(inside) = inside.as_slice() {
+            row.iter_mut().zip(inside).for_each(|(target, &inside)| *target = !inside);
+        } else {
+            row.iter_mut().zip(inside).for_each(|(target, &inside)| *target = !inside);
         }
     }
 }

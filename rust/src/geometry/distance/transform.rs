@@ -8,7 +8,9 @@ use ndarray::{ArrayViewMut2, ArrayViewMut3, Axis, s};
 use rayon::prelude::*;
 
 use super::envelope::Envelope;
-use super::window::{FARTHEST, LANES, Lane, Line, Steps, padding};
+use super::window::{
+    FARTHEST, LANES, Lane, Line, Steps, carry_on, count_back, count_on, padding,
+};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 use crate::volume::Boundary;
@@ -166,56 +168,21 @@ impl<T: Lane> Plane<T> {
             count_back(&mut self.next, since);
             let until = if lattice.half[1] { &self.until } else { &self.next };
             let padded = &mut self.padded[self.padding..];
-            squares(since, until, offset, lattice.size[1], padded);
+            T::squares_along(since, until, offset, lattice.size[1] as f32, padded);
             if periodic {
                 wrap(&mut self.padded, self.padding, nx, 1);
             }
             let line = Line { values: &self.padded, start: self.padding, step: 1 };
+            let Some(out) = out.as_slice_mut() else { continue };
             if T::minima(&line, steps, &mut self.least) {
-                for (out, least) in out.iter_mut().zip(&self.least) {
-                    *out = least.square();
-                }
+                T::to_squares(&self.least, out);
             } else {
-                let Some(out) = out.as_slice_mut() else { continue };
-                squares(since, until, offset, lattice.size[1], out);
+                f32::squares_along(since, until, offset, lattice.size[1] as f32, out);
                 let Lattice { size, half, limit, boundary } = *lattice;
                 self.envelope.lower(out, size[2], half[2], limit, boundary);
             }
         }
         Ok(())
-    }
-}
-
-/// Steps from the last target, a row further; `last` is the row before, then this one.
-fn count_on(last: &mut [u16], since: &mut [u16], targets: &[bool]) {
-    for ((last, since), &target) in last.iter_mut().zip(since).zip(targets) {
-        *last = if target { 0 } else { last.saturating_add(1) };
-        *since = *last;
-    }
-}
-
-/// The same, where the counts know their own targets already.
-fn carry_on(last: &mut [u16], since: &mut [u16]) {
-    for (last, since) in last.iter_mut().zip(since) {
-        *last = (*since).min(last.saturating_add(1));
-        *since = *last;
-    }
-}
-
-/// Steps to the next target, a row back; `next` is the row after, then this one.
-fn count_back(next: &mut [u16], since: &[u16]) {
-    for (next, &since) in next.iter_mut().zip(since) {
-        *next = if since == 0 { 0 } else { next.saturating_add(1) };
-    }
-}
-
-/// Squared distances along y.
-fn squares<T: Lane>(since: &[u16], until: &[u16], offset: f32, size: f64, out: &mut [T]) {
-    let size = size as f32;
-    for ((out, &since), &until) in out.iter_mut().zip(since).zip(until) {
-        let steps = since.min(until);
-        let distance = (f32::from(steps) + offset) * size;
-        *out = T::from_square(if steps == u16::MAX { f32::INFINITY } else { distance * distance });
     }
 }
 
@@ -261,8 +228,8 @@ impl<T: Lane> Columns<T> {
         let (nz, width) = part.dim();
         let padded = &mut self.padded[self.padding * LANES..];
         for (row, padded) in part.rows().into_iter().zip(padded.chunks_mut(LANES)) {
-            for (&square, padded) in row.iter().zip(padded) {
-                *padded = T::from_square(square);
+            if let Some(row) = row.as_slice() {
+                T::from_squares(row, padded);
             }
         }
         if lattice.boundary == Boundary::Periodic {
@@ -272,8 +239,8 @@ impl<T: Lane> Columns<T> {
         let line = Line { values: &self.padded, start, step: LANES };
         if T::minima(&line, steps, &mut self.least) {
             for (mut row, least) in part.rows_mut().into_iter().zip(self.least.chunks(LANES)) {
-                for (out, least) in row.iter_mut().zip(least) {
-                    *out = least.square();
+                if let Some(row) = row.as_slice_mut() {
+                    T::to_squares(least, row);
                 }
             }
         } else {

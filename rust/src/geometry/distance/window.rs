@@ -11,7 +11,7 @@ pub(super) const FARTHEST: usize = 255;
 /// Steps that are taken at once, so that the minimum stays in registers.
 const STRIDE: usize = 4;
 
-/// Zero voxels to keep beyond each end of a line that windows of `steps` read.
+/// How far beyond the ends of a line windows of so many steps read.
 pub(super) const fn padding(steps: usize) -> usize {
     steps + STRIDE + 1
 }
@@ -28,6 +28,12 @@ pub(super) trait Lane: Copy + PartialOrd + Send + Sync + 'static {
     fn plus(self, other: Self) -> Self;
     /// [`minima`] for this type, with the widest instructions of the processor.
     fn minima(line: &Line<'_, Self>, steps: &Steps<Self>, out: &mut [Self]) -> bool;
+    /// [`squares_along`] for this type.
+    fn squares_along(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [Self]);
+    /// [`to_squares`] for this type.
+    fn to_squares(values: &[Self], out: &mut [f32]);
+    /// [`from_squares`] for this type.
+    fn from_squares(squares: &[f32], out: &mut [Self]);
 }
 
 impl Lane for u16 {
@@ -52,6 +58,18 @@ impl Lane for u16 {
     fn minima(line: &Line<'_, Self>, steps: &Steps<Self>, out: &mut [Self]) -> bool {
         minima_u16(line, steps, out)
     }
+
+    fn squares_along(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [Self]) {
+        squares_along_u16(since, until, offset, size, out);
+    }
+
+    fn to_squares(values: &[Self], out: &mut [f32]) {
+        to_squares_u16(values, out);
+    }
+
+    fn from_squares(squares: &[f32], out: &mut [Self]) {
+        from_squares_u16(squares, out);
+    }
 }
 
 impl Lane for f32 {
@@ -74,6 +92,18 @@ impl Lane for f32 {
 
     fn minima(line: &Line<'_, Self>, steps: &Steps<Self>, out: &mut [Self]) -> bool {
         minima_f32(line, steps, out)
+    }
+
+    fn squares_along(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [Self]) {
+        squares_along_f32(since, until, offset, size, out);
+    }
+
+    fn to_squares(values: &[Self], out: &mut [f32]) {
+        to_squares_f32(values, out);
+    }
+
+    fn from_squares(squares: &[f32], out: &mut [Self]) {
+        from_squares_f32(squares, out);
     }
 }
 
@@ -123,37 +153,112 @@ impl<T: Lane> Steps<T> {
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
-fn minima_u16(line: &Line<'_, u16>, steps: &Steps<u16>, out: &mut [u16]) -> bool {
-    minima(line, steps, out)
+/// Functions for one type of lane, each compiled for the widest instructions.
+macro_rules! for_lanes {
+    ($type:ty, $minima:ident, $squares:ident, $to:ident, $from:ident) => {
+        #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+        fn $minima(line: &Line<'_, $type>, steps: &Steps<$type>, out: &mut [$type]) -> bool {
+            minima(line, steps, out)
+        }
+
+        #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+        fn $squares(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [$type]) {
+            squares_along(since, until, offset, size, out);
+        }
+
+        #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+        fn $to(values: &[$type], out: &mut [f32]) {
+            to_squares(values, out);
+        }
+
+        #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+        fn $from(squares: &[f32], out: &mut [$type]) {
+            from_squares(squares, out);
+        }
+    };
 }
 
+for_lanes!(u16, minima_u16, squares_along_u16, to_squares_u16, from_squares_u16);
+for_lanes!(f32, minima_f32, squares_along_f32, to_squares_f32, from_squares_f32);
+
+/// Squared distance of each voxel along an axis, from its steps to either side.
+#[inline(always)]
+fn squares_along<T: Lane>(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [T]) {
+    for ((out, &since), &until) in out.iter_mut().zip(since).zip(until) {
+        let steps = smaller(since, until);
+        let distance = (steps as i32 as f32 + offset) * size;
+        *out = T::from_square(if steps == u16::MAX { f32::INFINITY } else { distance * distance });
+    }
+}
+
+#[inline(always)]
+fn to_squares<T: Lane>(values: &[T], out: &mut [f32]) {
+    for (out, &value) in out.iter_mut().zip(values) {
+        *out = value.square();
+    }
+}
+
+#[inline(always)]
+fn from_squares<T: Lane>(squares: &[f32], out: &mut [T]) {
+    for (out, &square) in out.iter_mut().zip(squares) {
+        *out = T::from_square(square);
+    }
+}
+
+/// Steps from the last target, a row further; `last` is the row before, then this one.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
-fn minima_f32(line: &Line<'_, f32>, steps: &Steps<f32>, out: &mut [f32]) -> bool {
-    minima(line, steps, out)
+pub(super) fn count_on(last: &mut [u16], since: &mut [u16], targets: &[bool]) {
+    for ((last, since), &target) in last.iter_mut().zip(since).zip(targets) {
+        *last = if target { 0 } else { last.saturating_add(1) };
+        *since = *last;
+    }
+}
+
+/// The same, where the counts know their own targets already.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+pub(super) fn carry_on(last: &mut [u16], since: &mut [u16]) {
+    for (last, since) in last.iter_mut().zip(since) {
+        *last = smaller(*since, last.saturating_add(1));
+        *since = *last;
+    }
+}
+
+/// Steps to the next target, a row back; `next` is the row after, then this one.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+pub(super) fn count_back(next: &mut [u16], since: &[u16]) {
+    for (next, &since) in next.iter_mut().zip(since) {
+        *next = if since == 0 { 0 } else { next.saturating_add(1) };
+    }
 }
 
 /// Writes the minima, [`LANES`] at a time; false if some lie beyond the window.
+///
+/// Plain loops: a closure that is not inlined would be compiled for the baseline.
 #[inline(always)]
 fn minima<T: Lane>(line: &Line<'_, T>, steps: &Steps<T>, out: &mut [T]) -> bool {
-    out.as_chunks_mut().0.iter_mut().enumerate().all(|(block, least)| {
-        let at = line.start + block * LANES;
-        let ahead = steps.half * line.step;
+    let ahead = steps.half * line.step;
+    let mut at = line.start;
+    for least in out.as_chunks_mut().0 {
         *least = [steps.limit; LANES];
-        let mut most = lower(least, line, steps, [(at, at + ahead)], 0);
+        let mut most = lower::<T, 1>(least, line, &steps.squares, at, at + ahead);
         let mut k = 1;
-        while most > steps.squares[k] && k <= steps.farthest {
-            let pair = |k: usize| (at - k * line.step, at + ahead + k * line.step);
-            if k == 1 {
-                most = lower(least, line, steps, [pair(k)], k);
-                k += 1;
-            } else {
-                most = lower(least, line, steps, [0, 1, 2, 3].map(|j| pair(k + j)), k);
-                k += STRIDE;
-            }
+        if most > steps.squares[1] && steps.farthest >= 1 {
+            let reach = line.step;
+            most = lower::<T, 1>(least, line, &steps.squares[1..], at - reach, at + ahead + reach);
+            k = 2;
         }
-        most < T::FAR && (most <= steps.squares[k] || steps.complete)
-    })
+        while most > steps.squares[k] && k <= steps.farthest {
+            let reach = k * line.step;
+            let squares = &steps.squares[k..];
+            most = lower::<T, STRIDE>(least, line, squares, at - reach, at + ahead + reach);
+            k += STRIDE;
+        }
+        if most == T::FAR || (most > steps.squares[k] && !steps.complete) {
+            return false;
+        }
+        at += LANES;
+    }
+    true
 }
 
 /// Lowers minima by the values at N pairs of places, each a step further out; returns the largest.
@@ -161,23 +266,40 @@ fn minima<T: Lane>(line: &Line<'_, T>, steps: &Steps<T>, out: &mut [T]) -> bool 
 fn lower<T: Lane, const N: usize>(
     least: &mut [T; LANES],
     line: &Line<'_, T>,
-    steps: &Steps<T>,
-    places: [(usize, usize); N],
-    first: usize,
+    squares: &[T],
+    before: usize,
+    after: usize,
 ) -> T {
-    let lanes = |at: usize| &line.values[at..][..LANES];
-    let pairs = places.map(|(before, after)| (lanes(before), lanes(after)));
-    let squares: [T; N] = std::array::from_fn(|j| steps.squares[first + j]);
+    let span = (N - 1) * line.step;
+    let before = &line.values[before - span..][..span + LANES];
+    let after = &line.values[after..][..span + LANES];
     let mut most = *least;
-    for i in 0..LANES {
-        let mut value = least[i];
-        for ((before, after), &square) in pairs.iter().zip(&squares) {
-            value = smaller(value, smaller(before[i], after[i]).plus(square));
+    for j in 0..N {
+        let square = squares[j];
+        let before = &before[span - j * line.step..][..LANES];
+        let after = &after[j * line.step..][..LANES];
+        for i in 0..LANES {
+            most[i] = smaller(most[i], smaller(before[i], after[i]).plus(square));
         }
-        least[i] = value;
-        most[i] = value;
     }
-    most.into_iter().fold(T::from_square(0.0), |a, b| if a > b { a } else { b })
+    *least = most;
+    largest(&most)
+}
+
+/// Halves the lanes until one is left, which vectorises.
+#[inline(always)]
+fn largest<T: Lane>(values: &[T; LANES]) -> T {
+    let mut values = *values;
+    let mut width = LANES / 2;
+    while width > 0 {
+        for i in 0..width {
+            if values[i + width] > values[i] {
+                values[i] = values[i + width];
+            }
+        }
+        width /= 2;
+    }
+    values[0]
 }
 
 /// Unlike `f32::min`, one instruction; there is no NaN here.
