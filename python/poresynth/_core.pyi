@@ -16,6 +16,7 @@ __all__ = [
     "distance_transform",
     "gaussian",
     "label",
+    "local_thickness",
     "novelty",
     "ranks_by_phase",
     "signed_distance",
@@ -74,6 +75,13 @@ def distance_transform(
     *,
     boundary: str,
     cap: float | None = None,
+    threads: int = 0,
+) -> npt.NDArray[np.float32]: ...
+def local_thickness(
+    phase: npt.NDArray[np.bool_],
+    voxel_size: tuple[float, float, float],
+    *,
+    boundary: str,
     threads: int = 0,
 ) -> npt.NDArray[np.float32]: ...
 def signed_distance(

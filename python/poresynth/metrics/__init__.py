@@ -21,6 +21,7 @@ from poresynth.metrics.correlation import (
     two_point_correlation,
     two_point_error,
 )
+from poresynth.metrics.distance import distance_transform
 from poresynth.metrics.fractions import porosity
 from poresynth.metrics.intensity import (
     HistogramDistance,
@@ -30,6 +31,15 @@ from poresynth.metrics.intensity import (
     seam,
 )
 from poresynth.metrics.registry import METRICS, Metric, measure, metric
+from poresynth.metrics.thickness import (
+    PoreSizeDistribution,
+    Thickness,
+    local_thickness,
+    pore_size_distribution,
+    thickness,
+    trabecular_separation,
+    trabecular_thickness,
+)
 
 __all__ = [
     "METRICS",
@@ -37,21 +47,29 @@ __all__ = [
     "HistogramDistance",
     "Metric",
     "Novelty",
+    "PoreSizeDistribution",
+    "Thickness",
     "TwoPointCorrelation",
     "component_sizes",
     "component_wasserstein",
     "components",
+    "distance_transform",
     "floating_parts",
     "gradient_ratio",
     "histogram_distance",
     "label",
     "largest_component_fraction",
+    "local_thickness",
     "mean_gradient",
     "measure",
     "metric",
     "novelty",
+    "pore_size_distribution",
     "porosity",
     "seam",
+    "thickness",
+    "trabecular_separation",
+    "trabecular_thickness",
     "two_point_correlation",
     "two_point_error",
 ]

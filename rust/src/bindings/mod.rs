@@ -36,7 +36,7 @@ mod _core {
     #[pymodule_export]
     use super::correlation::{novelty, two_point};
     #[pymodule_export]
-    use super::geometry::{distance_transform, signed_distance};
+    use super::geometry::{distance_transform, local_thickness, signed_distance};
     #[pymodule_export]
     use super::intensity::{cut_phases, cut_solid, ranks_by_phase};
     #[pymodule_export]

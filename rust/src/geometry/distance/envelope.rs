@@ -39,13 +39,23 @@ impl Envelope {
             return;
         };
         let mut tip = 0;
-        for (i, out) in line.iter_mut().enumerate() {
-            let at = i as f64 + if half { 0.5 } else { 0.0 };
+        let (first, offset) = (line[0], if half { 0.5 } else { 0.0 });
+        for i in 0..n {
+            let at = i as f64 + offset;
             while tip < last && self.starts[tip + 1] < at {
                 tip += 1;
             }
             let (place, height) = self.tips[tip];
-            *out = (((at - place).powi(2) + height) * scale).min(f64::from(limit)) as f32;
+            let mut square = ((at - place).powi(2) + height) * scale;
+            if half {
+                // Half-way to the next voxel is level with both.
+                let next = match boundary {
+                    Boundary::Open => line.get(i + 1).copied(),
+                    Boundary::Periodic => line.get(i + 1).copied().or(Some(first)),
+                };
+                square = square.min(f64::from(line[i].min(next.unwrap_or(f32::INFINITY))));
+            }
+            line[i] = square.min(f64::from(limit)) as f32;
         }
     }
 

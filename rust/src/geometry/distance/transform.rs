@@ -23,7 +23,8 @@ const LONGEST: usize = u16::MAX as usize - 1;
 pub(crate) struct Lattice {
     /// Edges of a voxel along (z, y, x).
     pub size: [f64; 3],
-    /// Whether distances are taken half-way to the next voxel along (z, y, x).
+    /// Whether distances are taken half-way to the next voxel along (z, y, x); such a place is level
+    /// with both of its voxels: a flat wall is no farther from between two voxels.
     pub half: [bool; 3],
     pub boundary: Boundary,
     /// Larger squares become this one.

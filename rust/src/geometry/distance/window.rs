@@ -117,7 +117,8 @@ pub(super) struct Line<'a, T> {
     pub step: usize,
 }
 
-/// The squares that steps away from a voxel, or from half-way to the next, cost.
+/// The squares that steps away from a voxel cost, or from half-way to the next: such a place is level
+/// with both of its voxels, and half a step farther from all others.
 pub(super) struct Steps<T> {
     squares: Vec<T>,
     /// Farthest step of a window.
@@ -134,7 +135,10 @@ impl<T: Lane> Steps<T> {
     /// Steps of `size` along lines where no distance is of more than `reach` voxels.
     pub(super) fn new(size: f64, half: bool, reach: usize, limit: f32) -> Self {
         let offset = if half { 0.5 } else { 0.0 };
-        let square = |k: usize| T::from_square(((k as f64 + offset) * size).powi(2) as f32);
+        let square = |k: usize| match k {
+            0 => T::from_square(0.0),
+            _ => T::from_square(((k as f64 + offset) * size).powi(2) as f32),
+        };
         let limit = T::from_square(limit);
         let needed = (0..=FARTHEST).find(|&k| square(k) >= limit).unwrap_or(FARTHEST);
         let farthest = needed.min(reach);
@@ -186,7 +190,7 @@ for_lanes!(f32, minima_f32, squares_along_f32, to_squares_f32, from_squares_f32)
 fn squares_along<T: Lane>(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [T]) {
     for ((out, &since), &until) in out.iter_mut().zip(since).zip(until) {
         let steps = smaller(since, until);
-        let distance = (steps as i32 as f32 + offset) * size;
+        let distance = if steps == 0 { 0.0 } else { (steps as i32 as f32 + offset) * size };
         *out = T::from_square(if steps == u16::MAX { f32::INFINITY } else { distance * distance });
     }
 }
