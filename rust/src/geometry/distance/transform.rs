@@ -8,9 +8,7 @@ use ndarray::{ArrayViewMut2, ArrayViewMut3, Axis, s};
 use rayon::prelude::*;
 
 use super::envelope::Envelope;
-use super::window::{
-    FARTHEST, LANES, Lane, Line, Steps, carry_on, count_back, count_on, padding,
-};
+use super::window::{FARTHEST, LANES, Lane, Line, Steps, carry_on, count_back, count_on, padding};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 use crate::volume::Boundary;

@@ -190,7 +190,7 @@ for_lanes!(f32, minima_f32, squares_along_f32, to_squares_f32, from_squares_f32)
 fn squares_along<T: Lane>(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [T]) {
     for ((out, &since), &until) in out.iter_mut().zip(since).zip(until) {
         let steps = smaller(since, until);
-        let distance = if steps == 0 { 0.0 } else { (steps as i32 as f32 + offset) * size };
+        let distance = if steps == 0 { 0.0 } else { (f32::from(steps) + offset) * size };
         *out = T::from_square(if steps == u16::MAX { f32::INFINITY } else { distance * distance });
     }
 }

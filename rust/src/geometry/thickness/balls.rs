@@ -25,18 +25,30 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    /// Squared distance to a place.
-    fn square_to(&self, place: [f32; 3]) -> f32 {
-        (0..3).map(|a| gap(self.low[a], self.high[a], place[a], place[a]).powi(2)).sum()
+    /// Squared distance to the nearest place of a block and to the farthest.
+    #[inline(always)]
+    fn squares_to(&self, place: [f32; 3]) -> (f32, f32) {
+        let (mut nearest, mut farthest) = (0.0, 0.0);
+        for (axis, &at) in place.iter().enumerate() {
+            let near = gap(self.low[axis], self.high[axis], at, at);
+            let far = larger(at - self.low[axis], self.high[axis] - at);
+            nearest += near * near;
+            farthest += far * far;
+        }
+        (nearest, farthest)
     }
+}
+
+/// Unlike `f32::max`, one instruction; there is no NaN here.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
 }
 
 /// How far two intervals miss each other.
 #[inline(always)]
 fn gap(low: f32, high: f32, other_low: f32, other_high: f32) -> f32 {
-    let (before, after) = (low - other_high, other_low - high);
-    let larger = if before > after { before } else { after };
-    if larger > 0.0 { larger } else { 0.0 }
+    larger(larger(low - other_high, other_low - high), 0.0)
 }
 
 /// The balls of a volume, by the cell that their centres lie in.
@@ -58,11 +70,7 @@ pub(super) struct Cells {
 
 impl Cells {
     /// Sorts the balls of each slab of planes into cells.
-    pub(super) fn new(
-        slabs: Vec<Vec<Ball>>,
-        shape: (usize, usize, usize),
-        space: &Space,
-    ) -> Self {
+    pub(super) fn new(slabs: Vec<Vec<Ball>>, shape: (usize, usize, usize), space: &Space) -> Self {
         let shape = [shape.0, shape.1, shape.2];
         let count = shape.map(|n| n.div_ceil(CELL));
         let cell = space.size.map(|edge| (edge * CELL as f64) as f32);
@@ -72,30 +80,45 @@ impl Cells {
             ((voxel / cell[axis]) as usize).min(count[axis] - 1)
         };
         let mut balls = Vec::with_capacity(slabs.iter().map(Vec::len).sum());
-        let mut starts = vec![0];
-        let mut reaches = Vec::new();
-        for mut slab in slabs {
-            let of = |ball: &Ball| number(ball.at[1], 1) * count[2] + number(ball.at[2], 2);
-            slab.sort_by_key(of);
-            let mut rest = &slab[..];
-            for cell in 0..count[1] * count[2] {
-                let (own, others) = rest.split_at(rest.partition_point(|ball| of(ball) <= cell));
-                balls.extend_from_slice(own);
-                starts.push(balls.len());
-                reaches.push(own.iter().map(|ball| ball.reach).fold(0.0, f32::max));
-                rest = others;
+        let per_slab = count[1] * count[2];
+        let mut starts = Vec::with_capacity(slabs.len() * per_slab + 1);
+        let mut reaches = vec![0.0; slabs.len() * per_slab];
+        for (slab, reaches) in slabs.into_iter().zip(reaches.chunks_mut(per_slab)) {
+            let cells: Vec<usize> = slab
+                .iter()
+                .map(|ball| number(ball.at[1], 1) * count[2] + number(ball.at[2], 2))
+                .collect();
+            let mut sizes = vec![0; per_slab];
+            for (&cell, ball) in cells.iter().zip(&slab) {
+                sizes[cell] += 1;
+                reaches[cell] = larger(reaches[cell], ball.reach);
+            }
+            let mut next = balls.len();
+            let mut places: Vec<usize> = Vec::with_capacity(per_slab);
+            for size in sizes {
+                places.push(next);
+                next += size;
+            }
+            starts.extend_from_slice(&places);
+            balls.resize(next, Ball { at: [0.0; 3], reach: 0.0, diameter: 0.0 });
+            for (&cell, &ball) in cells.iter().zip(&slab) {
+                balls[places[cell]] = ball;
+                places[cell] += 1;
             }
         }
+        starts.push(balls.len());
         let reach = reaches.iter().copied().fold(0.0, f32::max);
         let edges = [0, 1, 2].map(|axis| (shape[axis] as f64 * space.size[axis]) as f32);
         let periodic = space.boundary == Boundary::Periodic;
         Self { balls, starts, reaches, reach, count, edges, cell, periodic }
     }
 
-    /// The balls that reach into a block, thickest first.
+    /// The balls that reach into a block, thickest first, but for those that are no match for one
+    /// that holds all of it.
     pub(super) fn reaching(&self, extent: &Extent) -> Balls {
         let [along_z, along_y, along_x] = [0, 1, 2].map(|axis| self.reaching_along(extent, axis));
-        let mut found = Vec::new();
+        let mut found: Vec<Ball> = Vec::new();
+        let mut least = 0.0;
         for &(z, shift_z, gap_z) in &along_z {
             for &(y, shift_y, gap_y) in &along_y {
                 for &(x, shift_x, gap_x) in &along_x {
@@ -104,22 +127,21 @@ impl Cells {
                         continue;
                     }
                     let own = &self.balls[self.starts[cell]..self.starts[cell + 1]];
-                    let shift = [shift_z, shift_y, shift_x];
-                    let moved = own.iter().map(|ball| {
-                        let at = [0, 1, 2].map(|axis| ball.at[axis] + shift[axis]);
-                        Ball { at, ..*ball }
-                    });
-                    found.extend(moved.filter(|ball| extent.square_to(ball.at) < ball.reach));
+                    gather(own, [shift_z, shift_y, shift_x], extent, &mut least, &mut found);
                 }
             }
         }
-        // Thicker, then larger; equal balls may change places.
-        found.sort_unstable_by(|a, b| {
-            b.diameter.total_cmp(&a.diameter).then(b.reach.total_cmp(&a.reach))
-        });
+        // Diameters are positive, so that their bits are in order; equal balls may change places.
+        let mut order: Vec<(u32, u32)> = found
+            .iter()
+            .enumerate()
+            .filter(|(_, ball)| ball.diameter >= least)
+            .map(|(i, ball)| (!ball.diameter.to_bits(), i as u32))
+            .collect();
+        order.sort_unstable();
         let mut balls = Balls::default();
-        for ball in &found {
-            balls.push(ball);
+        for (_, i) in order {
+            balls.push(&found[i as usize]);
         }
         balls
     }
@@ -142,6 +164,27 @@ impl Cells {
             }
         }
         found
+    }
+}
+
+/// Adds the balls that reach into a block, if as thick as the thickest that holds all of it.
+#[inline(always)]
+fn gather(
+    balls: &[Ball],
+    shift: [f32; 3],
+    extent: &Extent,
+    least: &mut f32,
+    found: &mut Vec<Ball>,
+) {
+    for ball in balls {
+        let at = [ball.at[0] + shift[0], ball.at[1] + shift[1], ball.at[2] + shift[2]];
+        let (nearest, farthest) = extent.squares_to(at);
+        if nearest < ball.reach && ball.diameter >= *least {
+            found.push(Ball { at, ..*ball });
+            if farthest < ball.reach {
+                *least = ball.diameter;
+            }
+        }
     }
 }
 
@@ -196,16 +239,14 @@ fn compare(balls: &Balls, start: usize, extent: &Extent) -> (u64, u64) {
     let mut nearest = [0.0f32; LANES];
     let mut farthest = [0.0f32; LANES];
     let end = balls.reach.len().min(start + LANES);
-    let axes = [&balls.z, &balls.y, &balls.x];
-    for axis in 0..3 {
+    for (axis, places) in [&balls.z, &balls.y, &balls.x].into_iter().enumerate() {
         let (low, high) = (extent.low[axis], extent.high[axis]);
-        let places = &axes[axis][start..end];
-        for i in 0..places.len().min(LANES) {
-            let at = places[i];
+        let squares = nearest.iter_mut().zip(&mut farthest);
+        for ((nearest, farthest), &at) in squares.zip(&places[start..end]) {
             let near = gap(low, high, at, at);
-            let far = if at - low > high - at { at - low } else { high - at };
-            nearest[i] += near * near;
-            farthest[i] += far * far;
+            let far = larger(at - low, high - at);
+            *nearest += near * near;
+            *farthest += far * far;
         }
     }
     let (mut near, mut all) = (0, 0);

@@ -17,10 +17,10 @@ const BLOCK: usize = 8;
 const LANES: usize = 16;
 
 /// Cuts a volume into tiles, each with the place of its first voxel.
-pub(super) fn tiles<'a>(
-    out: ArrayViewMut3<'a, f32>,
+pub(super) fn tiles(
+    out: ArrayViewMut3<'_, f32>,
     edge: usize,
-) -> Vec<([usize; 3], ArrayViewMut3<'a, f32>)> {
+) -> Vec<([usize; 3], ArrayViewMut3<'_, f32>)> {
     let mut tiles = vec![([0; 3], out)];
     for axis in 0..3 {
         let mut cut = Vec::new();
@@ -180,7 +180,8 @@ fn paint_some(points: &mut Points, balls: &Balls, from: usize, waiting: usize) -
         let mut hits = 0;
         for i in 0..len {
             let (dz, dy, dx) = (z[i] - at_z, y[i] - at_y, x[i] - at_x);
-            let hit = (dz * dz + dy * dy + dx * dx < reach) & (value[i] == 0.0);
+            let inside = dz * dz + dy * dy + dx * dx < reach;
+            let hit = inside && value[i] == 0.0;
             value[i] = if hit { diameter } else { value[i] };
             hits += u32::from(hit);
         }

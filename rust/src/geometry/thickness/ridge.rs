@@ -144,7 +144,8 @@ fn mark_parts(part: &mut [bool], squares: (&[f32], &[f32]), diameters: (&[f32], 
     let squares = squares.0.iter().zip(squares.1);
     let diameters = diameters.0.iter().zip(diameters.1);
     for ((part, (square, needed)), (diameter, own)) in part.iter_mut().zip(squares).zip(diameters) {
-        *part |= (square >= needed) & (diameter >= own);
+        let holds = square >= needed;
+        *part |= holds && diameter >= own;
     }
 }
 
@@ -207,11 +208,10 @@ impl Needed {
             let [faces, edges, corners] = table;
             for (x, &square) in squares.iter().enumerate() {
                 let square = (square as u32 / 4) as usize;
-                for (class, table) in [(1, faces), (2, faces), (4, faces)] {
-                    needed[class][x] = table[square];
-                }
-                for (class, table) in [(3, edges), (5, edges), (6, edges), (7, corners)] {
-                    needed[class][x] = table[square];
+                let (face, edge, corner) = (faces[square], edges[square], corners[square]);
+                let all = [0.0, face, face, edge, face, edge, edge, corner];
+                for (needed, value) in needed.iter_mut().zip(all) {
+                    needed[x] = value;
                 }
             }
         } else {
