@@ -16,6 +16,7 @@ __all__ = [
     "component_statistics",
     "cut_phases",
     "cut_solid",
+    "distance_transform",
     "euler_corrected",
     "euler_number",
     "gaussian",
@@ -24,6 +25,7 @@ __all__ = [
     "label",
     "level_counts",
     "local_porosity",
+    "local_thickness",
     "match_histogram",
     "novelty",
     "ranks_by_phase",
@@ -83,6 +85,21 @@ def carry(
 ) -> npt.NDArray[np.float32]: ...
 def gaussian(
     field: npt.NDArray[np.float32], sigma: float, *, boundary: str
+) -> npt.NDArray[np.float32]: ...
+def distance_transform(
+    phase: npt.NDArray[np.bool_],
+    voxel_size: tuple[float, float, float],
+    *,
+    boundary: str,
+    cap: float | None = None,
+    threads: int = 0,
+) -> npt.NDArray[np.float32]: ...
+def local_thickness(
+    phase: npt.NDArray[np.bool_],
+    voxel_size: tuple[float, float, float],
+    *,
+    boundary: str,
+    threads: int = 0,
 ) -> npt.NDArray[np.float32]: ...
 def signed_distance(
     phase: npt.NDArray[np.bool_],

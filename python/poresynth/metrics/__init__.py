@@ -34,6 +34,7 @@ from poresynth.metrics.correlation import (
     two_point_map,
     two_point_matrix,
 )
+from poresynth.metrics.distance import distance_transform
 from poresynth.metrics.fabric import Fabric, mean_intercept_length
 from poresynth.metrics.fractions import porosity
 from poresynth.metrics.histograms import (
@@ -66,6 +67,15 @@ from poresynth.metrics.skeleton_graph import Branches, Nodes, SkeletonGraph, ske
 from poresynth.metrics.specimen import Specimen
 from poresynth.metrics.structure_error import StructureDifference, StructureError, structure_error
 from poresynth.metrics.surface import SurfaceArea, surface_area
+from poresynth.metrics.thickness import (
+    PoreSizeDistribution,
+    Thickness,
+    local_thickness,
+    pore_size_distribution,
+    thickness,
+    trabecular_separation,
+    trabecular_thickness,
+)
 from poresynth.metrics.topology import (
     BettiNumbers,
     Connectivity,
@@ -100,11 +110,13 @@ __all__ = [
     "Nodes",
     "Novelty",
     "Percolation",
+    "PoreSizeDistribution",
     "SkeletonGraph",
     "Specimen",
     "StructureDifference",
     "StructureError",
     "SurfaceArea",
+    "Thickness",
     "TwoPointCorrelation",
     "TwoPointMap",
     "TwoPointMatrix",
@@ -116,6 +128,7 @@ __all__ = [
     "component_wasserstein",
     "components",
     "connectivity_density",
+    "distance_transform",
     "end_points",
     "euler_density",
     "euler_number",
@@ -128,6 +141,7 @@ __all__ = [
     "largest_part",
     "lineal_path",
     "local_porosity",
+    "local_thickness",
     "match_histogram",
     "mean_gradient",
     "mean_intercept_length",
@@ -136,6 +150,7 @@ __all__ = [
     "novelty",
     "novelty_curve",
     "percolation",
+    "pore_size_distribution",
     "porosity",
     "remove_small_parts",
     "seam",
@@ -143,6 +158,9 @@ __all__ = [
     "skeletonize",
     "structure_error",
     "surface_area",
+    "thickness",
+    "trabecular_separation",
+    "trabecular_thickness",
     "two_point_cluster",
     "two_point_correlation",
     "two_point_cross",

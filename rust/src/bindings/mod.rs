@@ -51,6 +51,8 @@ mod _core {
     #[pymodule_export]
     use super::geometry::signed_distance;
     #[pymodule_export]
+    use super::geometry::{distance_transform, local_thickness, signed_distance};
+    #[pymodule_export]
     use super::gray::{binned_counts, gray_moments, level_counts, match_histogram};
     #[pymodule_export]
     use super::intensity::{cut_phases, cut_solid, ranks_by_phase};

@@ -1,86 +1,97 @@
-//! Euclidean distance up to a cap, and the signed distance of a phase.
+//! Exact Euclidean distances to a phase, and its signed distance.
 
-use ndarray::ArrayView3;
+mod envelope;
+pub(super) mod transform;
+mod window;
+
+use ndarray::{Array3, ArrayView3, ArrayViewMut3, s};
 use rayon::prelude::*;
 
+use self::transform::{Lattice, squared_distances};
 use crate::error::{Error, Result};
-use crate::volume::{Boundary, Shape, voxels};
+use crate::monitor::Monitor;
+use crate::volume::Boundary;
 
-/// Largest cap: the cost grows with it, and a signed distance clipped further out carries no shape.
-pub const MAX_CAP: usize = 64;
-
-/// Distance of every voxel to the nearest voxel where `target` is true, in voxels, at most `cap`.
+/// Writes the distance of each voxel of a phase to the nearest voxel centre outside it, at most
+/// `cap`; 0 outside.
 ///
-/// Exact below the cap: three passes, one an axis, each the minimum of `f(i + k) + k²` over
-/// `|k| ≤ cap`, vectorised over rows. A volume without a target has the cap everywhere.
-/// Memory: 8 bytes a voxel besides the input.
-///
-/// # Errors
-/// If `cap` is 0 or above [`MAX_CAP`].
-pub fn capped_distance(
-    target: ArrayView3<'_, bool>,
-    cap: usize,
+/// With an open boundary nothing is known beyond the border, which is no wall. If no voxel is
+/// outside, the distance is infinite, or the cap. `out` is contiguous, in the memory order of the
+/// phase. Memory: nothing but `out` that grows with the volume.
+pub fn distance_transform(
+    phase: ArrayView3<'_, bool>,
+    voxel_size: [f64; 3],
     boundary: Boundary,
-) -> Result<Vec<f32>> {
-    if !(1..=MAX_CAP).contains(&cap) {
-        return Err(Error::parameter("cap", cap, format!("must be from 1 to {MAX_CAP}")));
+    cap: Option<f64>,
+    out: ArrayViewMut3<'_, f32>,
+    monitor: &Monitor<'_>,
+) -> Result<()> {
+    let cap = cap.unwrap_or(f64::INFINITY);
+    if cap.is_nan() || cap <= 0.0 {
+        return Err(Error::parameter("cap", cap, "must be positive"));
     }
-    let (nz, ny, nx) = target.dim();
-    let shape = [nz, ny, nx];
-    let far = (cap * cap) as f32;
-    let mut squared: Vec<f32> = target.iter().map(|&t| if t { 0.0 } else { far }).collect();
-    if voxels(shape) == 0 {
-        return Ok(squared);
-    }
-    squared.par_chunks_mut(nx).for_each_init(Vec::new, |line, row| {
-        line.clear();
-        line.extend_from_slice(row);
-        for (i, out) in row.iter_mut().enumerate() {
-            for (j, k) in reach(i, nx, cap, boundary) {
-                *out = out.min(line[j] + (k * k) as f32);
-            }
-        }
-    });
-    for axis in [1, 0] {
-        squared = minimum_along(&squared, shape, axis, cap, boundary);
-    }
-    squared.par_iter_mut().for_each(|d| *d = d.min(far).sqrt());
-    Ok(squared)
+    let Aligned { phase, voxel_size, mut out } = Aligned::new(phase, voxel_size, out)?;
+    let (scale, size) = relative(voxel_size);
+    let limit = (cap / scale).powi(2).ceil() as f32;
+    let lattice = Lattice { size, half: [false; 3], boundary, limit };
+    let finish = |_, squares: &mut [f32]| roots(squares, scale as f32, cap as f32);
+    squared_distances(outside(phase), &lattice, out.view_mut(), finish, monitor)
 }
 
-/// Neighbours of `i` on a line of `n` voxels within `cap`, with their distance.
-fn reach(
-    i: usize,
-    n: usize,
-    cap: usize,
-    boundary: Boundary,
-) -> impl Iterator<Item = (usize, usize)> {
-    let (i, n, cap) = (i as isize, n as isize, cap as isize);
-    let (low, high) = match boundary {
-        Boundary::Open => (-cap.min(i), cap.min(n - 1 - i)),
-        Boundary::Periodic => (-cap, cap),
-    };
-    (low..=high).map(move |k| ((i + k).rem_euclid(n) as usize, k.unsigned_abs()))
+/// A phase and room for its distances, rows along the axis that is contiguous in memory.
+pub(super) struct Aligned<'a> {
+    pub phase: ArrayView3<'a, bool>,
+    pub voxel_size: [f64; 3],
+    /// In C order.
+    pub out: ArrayViewMut3<'a, f32>,
 }
 
-/// `min over k of f(i + k) + k²` along axis 0 or 1, whole rows at a time.
-fn minimum_along(f: &[f32], shape: Shape, axis: usize, cap: usize, boundary: Boundary) -> Vec<f32> {
-    let [_, ny, nx] = shape;
-    let mut out = f.to_vec();
-    out.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
-        let at = [row / ny, row % ny];
-        for (j, k) in reach(at[axis], shape[axis], cap, boundary) {
-            let from = if axis == 0 { j * ny + at[1] } else { at[0] * ny + j };
-            lower(out, &f[from * nx..(from + 1) * nx], (k * k) as f32);
+impl<'a> Aligned<'a> {
+    pub(super) fn new(
+        mut phase: ArrayView3<'a, bool>,
+        mut voxel_size: [f64; 3],
+        mut out: ArrayViewMut3<'a, f32>,
+    ) -> Result<Self> {
+        if out.dim() != phase.dim() {
+            return Err(Error::parameter("out.shape", out.dim(), "must be that of the volume"));
         }
-    });
-    out
+        if !out.is_standard_layout() {
+            phase = phase.reversed_axes();
+            voxel_size.reverse();
+            out = out.reversed_axes();
+        }
+        if !out.is_standard_layout() {
+            return Err(Error::parameter("out.strides", out.strides(), "must be contiguous"));
+        }
+        Ok(Self { phase, voxel_size, out })
+    }
+}
+
+/// The shortest edge of a voxel, and all edges in units of it: whole numbers, most often.
+pub(super) fn relative(voxel_size: [f64; 3]) -> (f64, [f64; 3]) {
+    let shortest = voxel_size.into_iter().fold(f64::INFINITY, f64::min);
+    (shortest, voxel_size.map(|edge| edge / shortest))
+}
+
+/// The voxels outside a phase, row by row.
+pub(super) fn outside(
+    phase: ArrayView3<'_, bool>,
+) -> impl Fn(usize, usize, &mut [bool]) + Sync + '_ {
+    move |z, y, row| {
+        let inside = phase.slice(s![z, y, ..]);
+        if let Some(inside) = inside.as_slice() {
+            row.iter_mut().zip(inside).for_each(|(target, &inside)| *target = !inside);
+        } else {
+            row.iter_mut().zip(inside).for_each(|(target, &inside)| *target = !inside);
+        }
+    }
 }
 
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
-fn lower(out: &mut [f32], f: &[f32], add: f32) {
-    for (o, &v) in out.iter_mut().zip(f) {
-        *o = o.min(v + add);
+fn roots(squares: &mut [f32], scale: f32, cap: f32) {
+    for value in squares {
+        let distance = value.sqrt() * scale;
+        *value = if distance < cap { distance } else { cap };
     }
 }
 
@@ -88,42 +99,67 @@ fn lower(out: &mut [f32], f: &[f32], add: f32) {
 ///
 /// The interface lies half-way between two voxels of different phase, so the voxels next to it have
 /// ±0.5. Where `valid` is false the phase is unknown: such voxels are no one's opposite.
-/// Memory: 18 bytes a voxel besides the input.
+/// Memory: 8 bytes a voxel besides the input.
 ///
 /// # Errors
-/// If `clip` is 0 or above [`MAX_CAP`].
+/// If `clip` is 0.
 pub fn signed_distance(
     phase: ArrayView3<'_, bool>,
     valid: Option<ArrayView3<'_, bool>>,
     clip: usize,
     boundary: Boundary,
 ) -> Result<Vec<f32>> {
+    if clip == 0 {
+        return Err(Error::parameter("clip", clip, "must be at least 1"));
+    }
     if valid.is_some_and(|v| v.dim() != phase.dim()) {
         return Err(Error::parameter("valid", "another shape", "must have the shape of the phase"));
     }
-    let cap = clip.saturating_add(1); // so that the half voxel does not show at the clip
-    let opposite = |of: bool| {
-        let mut target = phase.mapv(|p| p != of);
-        if let Some(valid) = valid {
-            target.zip_mut_with(&valid, |t, v| *t &= v);
-        }
-        target
-    };
-    let mut signed = capped_distance(opposite(true).view(), cap, boundary)?;
-    let outside = capped_distance(opposite(false).view(), cap, boundary)?;
+    let mut signed = to_opposite(phase, valid, true, clip, boundary)?;
+    let outside = to_opposite(phase, valid, false, clip, boundary)?;
     let limit = clip as f32;
-    signed.iter_mut().zip(&outside).zip(&phase).for_each(|((d, &o), &inside)| {
-        *d = (if inside { *d - 0.5 } else { 0.5 - o }).clamp(-limit, limit);
+    let shape = phase.dim();
+    let row = shape.2.max(1);
+    let rows = signed.par_chunks_mut(row).zip(outside.par_chunks(row));
+    rows.enumerate().for_each(|(i, (signed, outside))| {
+        let phase = phase.slice(s![i / shape.1, i % shape.1, ..]);
+        for ((d, &o), &inside) in signed.iter_mut().zip(outside).zip(phase) {
+            *d = (if inside { *d - 0.5 } else { 0.5 - o }).clamp(-limit, limit);
+        }
     });
     Ok(signed)
+}
+
+/// Distance of every voxel to the nearest known one that is not `of` a phase, a bit beyond the clip.
+fn to_opposite(
+    phase: ArrayView3<'_, bool>,
+    valid: Option<ArrayView3<'_, bool>>,
+    of: bool,
+    clip: usize,
+    boundary: Boundary,
+) -> Result<Vec<f32>> {
+    let targets = |z, y, row: &mut [bool]| {
+        let slice = s![z, y, ..];
+        for (target, &inside) in row.iter_mut().zip(phase.slice(slice)) {
+            *target = inside != of;
+        }
+        if let Some(valid) = valid {
+            row.iter_mut().zip(valid.slice(slice)).for_each(|(target, &v)| *target &= v);
+        }
+    };
+    let cap = clip.saturating_add(1) as f32; // so that the half voxel does not show at the clip
+    let lattice = Lattice { size: [1.0; 3], half: [false; 3], boundary, limit: cap * cap };
+    let mut out = Array3::zeros(phase.dim());
+    let finish = |_, squares: &mut [f32]| roots(squares, 1.0, cap);
+    squared_distances(targets, &lattice, out.view_mut(), finish, &Monitor::silent())?;
+    Ok(out.into_raw_vec_and_offset().0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::rng::Key;
-    use crate::volume::{index, position};
-    use ndarray::Array3;
+    use crate::volume::{index, position, voxels};
 
     fn brute(target: &Array3<bool>, cap: usize, boundary: Boundary) -> Vec<f32> {
         let (nz, ny, nx) = target.dim();
@@ -153,6 +189,13 @@ mod tests {
             .collect()
     }
 
+    fn transformed(phase: ArrayView3<'_, bool>, boundary: Boundary, cap: Option<f64>) -> Vec<f32> {
+        let mut out = Array3::zeros(phase.dim());
+        let monitor = Monitor::silent();
+        distance_transform(phase, [1.0; 3], boundary, cap, out.view_mut(), &monitor).unwrap();
+        out.into_raw_vec_and_offset().0
+    }
+
     #[test]
     fn equals_brute_force_for_both_boundaries() {
         for (seed, share) in [(1, 0.02), (2, 0.3), (3, 0.0), (4, 1.1)] {
@@ -163,7 +206,7 @@ mod tests {
             });
             for boundary in [Boundary::Open, Boundary::Periodic] {
                 for cap in [1, 3, 20] {
-                    let got = capped_distance(target.view(), cap, boundary).unwrap();
+                    let got = transformed(target.mapv(|t| !t).view(), boundary, Some(cap as f64));
                     assert_eq!(got, brute(&target, cap, boundary), "{seed} {boundary:?} {cap}");
                 }
             }
@@ -189,9 +232,10 @@ mod tests {
     #[test]
     fn empty_volume_and_bad_cap() {
         let none = Array3::from_elem((0, 3, 3), true);
-        assert!(capped_distance(none.view(), 3, Boundary::Open).unwrap().is_empty());
+        assert!(transformed(none.view(), Boundary::Open, None).is_empty());
+        assert!(signed_distance(none.view(), None, 3, Boundary::Open).unwrap().is_empty());
         let one = Array3::from_elem((1, 1, 1), true);
         assert_eq!(signed_distance(one.view(), None, 3, Boundary::Open).unwrap(), [3.0]);
-        assert!(capped_distance(one.view(), 0, Boundary::Open).is_err());
+        assert!(signed_distance(one.view(), None, 0, Boundary::Open).is_err());
     }
 }

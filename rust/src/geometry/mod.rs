@@ -1,4 +1,5 @@
 //! Distances, surfaces, directions.
+//! Distances and thickness.
 
 pub mod changes;
 pub mod configurations;
@@ -11,3 +12,7 @@ pub mod surface;
 
 pub use distance::{capped_distance, signed_distance};
 pub use packed::Step;
+pub mod thickness;
+
+pub use distance::{distance_transform, signed_distance};
+pub use thickness::local_thickness;

@@ -1,0 +1,39 @@
+"""Local thickness of blobs, and of the wide pores of a foam."""
+
+from __future__ import annotations
+
+import numpy as np
+from inputs import blobs
+from race import Race
+from races.distance import pores
+
+import poresynth.metrics
+
+
+def similar(ours: np.ndarray, theirs: np.ndarray) -> bool:
+    """Rounded radii are up to a voxel too small."""
+    return bool(abs(ours[ours > 0].mean() - 2 * theirs[theirs > 0].mean()) < 2)
+
+
+RACES = [
+    Race("local thickness, blobs", lambda edge: [blobs(edge)], similar),
+    Race("local thickness, pores of a foam", lambda edge: [pores(edge)], similar),
+]
+
+for race in RACES:
+
+    @race.contestant("poresynth")
+    def _(solid: np.ndarray) -> np.ndarray:
+        return poresynth.metrics.local_thickness(solid)
+
+    @race.contestant("PoreSpy, balls, whole radii", "porespy", most=256)
+    def _(solid: np.ndarray) -> np.ndarray:
+        from porespy.filters import local_thickness
+
+        return local_thickness(solid, method="bf")
+
+    @race.contestant("PoreSpy, distances, whole radii", "porespy", most=256)
+    def _(solid: np.ndarray) -> np.ndarray:
+        from porespy.filters import local_thickness
+
+        return local_thickness(solid, method="dt")

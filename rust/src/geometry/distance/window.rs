@@ -1,0 +1,313 @@
+//! `min over k of f(i + k) + (k·w)²` for many lanes at once, as far out as a result can reach.
+
+use multiversion::multiversion;
+
+/// Values worked on together: two registers of AVX-512, four of AVX2 for the narrow type.
+pub(super) const LANES: usize = 64;
+
+/// Farthest step of a window. Beyond, the envelope is no dearer.
+pub(super) const FARTHEST: usize = 255;
+
+/// Steps that are taken at once, so that the minimum stays in registers.
+const STRIDE: usize = 4;
+
+/// How far beyond the ends of a line windows of so many steps read.
+pub(super) const fn padding(steps: usize) -> usize {
+    steps + STRIDE + 1
+}
+
+/// A squared distance: u16 where all are whole numbers, else f32.
+pub(super) trait Lane: Copy + PartialOrd + Send + Sync + 'static {
+    /// No voxel outside, or too far to tell.
+    const FAR: Self;
+    /// Rounds to the type; too large becomes [`Self::FAR`].
+    fn from_square(square: f32) -> Self;
+    /// The value; [`Self::FAR`] is infinite.
+    fn square(self) -> f32;
+    /// A sum that stops at [`Self::FAR`].
+    fn plus(self, other: Self) -> Self;
+    /// [`minima`] for this type, with the widest instructions of the processor.
+    fn minima(line: &Line<'_, Self>, steps: &Steps<Self>, out: &mut [Self]) -> bool;
+    /// [`squares_along`] for this type.
+    fn squares_along(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [Self]);
+    /// [`to_squares`] for this type.
+    fn to_squares(values: &[Self], out: &mut [f32]);
+    /// [`from_squares`] for this type.
+    fn from_squares(squares: &[f32], out: &mut [Self]);
+}
+
+impl Lane for u16 {
+    const FAR: Self = Self::MAX;
+
+    #[inline(always)]
+    fn from_square(square: f32) -> Self {
+        // By way of i32, for which there is an instruction.
+        (if square < 65_535.0 { square } else { 65_535.0 }) as i32 as Self
+    }
+
+    #[inline(always)]
+    fn square(self) -> f32 {
+        if self == Self::FAR { f32::INFINITY } else { f32::from(self) }
+    }
+
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        self.saturating_add(other)
+    }
+
+    fn minima(line: &Line<'_, Self>, steps: &Steps<Self>, out: &mut [Self]) -> bool {
+        minima_u16(line, steps, out)
+    }
+
+    fn squares_along(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [Self]) {
+        squares_along_u16(since, until, offset, size, out);
+    }
+
+    fn to_squares(values: &[Self], out: &mut [f32]) {
+        to_squares_u16(values, out);
+    }
+
+    fn from_squares(squares: &[f32], out: &mut [Self]) {
+        from_squares_u16(squares, out);
+    }
+}
+
+impl Lane for f32 {
+    const FAR: Self = Self::INFINITY;
+
+    #[inline(always)]
+    fn from_square(square: f32) -> Self {
+        square
+    }
+
+    #[inline(always)]
+    fn square(self) -> f32 {
+        self
+    }
+
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        self + other
+    }
+
+    fn minima(line: &Line<'_, Self>, steps: &Steps<Self>, out: &mut [Self]) -> bool {
+        minima_f32(line, steps, out)
+    }
+
+    fn squares_along(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [Self]) {
+        squares_along_f32(since, until, offset, size, out);
+    }
+
+    fn to_squares(values: &[Self], out: &mut [f32]) {
+        to_squares_f32(values, out);
+    }
+
+    fn from_squares(squares: &[f32], out: &mut [Self]) {
+        from_squares_f32(squares, out);
+    }
+}
+
+/// Lines of squared distances, padded at both ends.
+pub(super) struct Line<'a, T> {
+    /// The values; those beyond an open end are [`Lane::FAR`].
+    pub values: &'a [T],
+    /// Where the first of them is that a result belongs to.
+    pub start: usize,
+    /// How far apart neighbours on a line are: 1, or [`LANES`] if there are so many lines abreast.
+    pub step: usize,
+}
+
+/// The squares that steps away from a voxel cost, or from half-way to the next: such a place is level
+/// with both of its voxels, and half a step farther from all others.
+pub(super) struct Steps<T> {
+    squares: Vec<T>,
+    /// Farthest step of a window.
+    farthest: usize,
+    /// Whether no step beyond it can matter.
+    complete: bool,
+    /// No result is larger.
+    limit: T,
+    /// 1 if distances are taken from half-way to the next voxel.
+    half: usize,
+}
+
+impl<T: Lane> Steps<T> {
+    /// Steps of `size` along lines where no distance is of more than `reach` voxels.
+    pub(super) fn new(size: f64, half: bool, reach: usize, limit: f32) -> Self {
+        let offset = if half { 0.5 } else { 0.0 };
+        let square = |k: usize| match k {
+            0 => T::from_square(0.0),
+            _ => T::from_square(((k as f64 + offset) * size).powi(2) as f32),
+        };
+        let limit = T::from_square(limit);
+        let needed = (0..=FARTHEST).find(|&k| square(k) >= limit).unwrap_or(FARTHEST);
+        let farthest = needed.min(reach);
+        Self {
+            squares: (0..=farthest + STRIDE + 1).map(square).collect(),
+            farthest,
+            complete: farthest == reach,
+            limit,
+            half: usize::from(half),
+        }
+    }
+
+    /// Farthest step of a window.
+    pub(super) const fn farthest(&self) -> usize {
+        self.farthest
+    }
+}
+
+/// Functions for one type of lane, each compiled for the widest instructions.
+macro_rules! for_lanes {
+    ($type:ty, $minima:ident, $squares:ident, $to:ident, $from:ident) => {
+        #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+        fn $minima(line: &Line<'_, $type>, steps: &Steps<$type>, out: &mut [$type]) -> bool {
+            minima(line, steps, out)
+        }
+
+        #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+        fn $squares(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [$type]) {
+            squares_along(since, until, offset, size, out);
+        }
+
+        #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+        fn $to(values: &[$type], out: &mut [f32]) {
+            to_squares(values, out);
+        }
+
+        #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+        fn $from(squares: &[f32], out: &mut [$type]) {
+            from_squares(squares, out);
+        }
+    };
+}
+
+for_lanes!(u16, minima_u16, squares_along_u16, to_squares_u16, from_squares_u16);
+for_lanes!(f32, minima_f32, squares_along_f32, to_squares_f32, from_squares_f32);
+
+/// Squared distance of each voxel along an axis, from its steps to either side.
+#[inline(always)]
+fn squares_along<T: Lane>(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [T]) {
+    for ((out, &since), &until) in out.iter_mut().zip(since).zip(until) {
+        let steps = smaller(since, until);
+        let distance = if steps == 0 { 0.0 } else { (f32::from(steps) + offset) * size };
+        *out = T::from_square(if steps == u16::MAX { f32::INFINITY } else { distance * distance });
+    }
+}
+
+#[inline(always)]
+fn to_squares<T: Lane>(values: &[T], out: &mut [f32]) {
+    for (out, &value) in out.iter_mut().zip(values) {
+        *out = value.square();
+    }
+}
+
+#[inline(always)]
+fn from_squares<T: Lane>(squares: &[f32], out: &mut [T]) {
+    for (out, &square) in out.iter_mut().zip(squares) {
+        *out = T::from_square(square);
+    }
+}
+
+/// Steps from the last target, a row further; `last` is the row before, then this one.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+pub(super) fn count_on(last: &mut [u16], since: &mut [u16], targets: &[bool]) {
+    for ((last, since), &target) in last.iter_mut().zip(since).zip(targets) {
+        *last = if target { 0 } else { last.saturating_add(1) };
+        *since = *last;
+    }
+}
+
+/// The same, where the counts know their own targets already.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+pub(super) fn carry_on(last: &mut [u16], since: &mut [u16]) {
+    for (last, since) in last.iter_mut().zip(since) {
+        *last = smaller(*since, last.saturating_add(1));
+        *since = *last;
+    }
+}
+
+/// Steps to the next target, a row back; `next` is the row after, then this one.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+pub(super) fn count_back(next: &mut [u16], since: &[u16]) {
+    for (next, &since) in next.iter_mut().zip(since) {
+        *next = if since == 0 { 0 } else { next.saturating_add(1) };
+    }
+}
+
+/// Writes the minima, [`LANES`] at a time; false if some lie beyond the window.
+///
+/// Plain loops: a closure that is not inlined would be compiled for the baseline.
+#[inline(always)]
+fn minima<T: Lane>(line: &Line<'_, T>, steps: &Steps<T>, out: &mut [T]) -> bool {
+    let ahead = steps.half * line.step;
+    let mut at = line.start;
+    for least in out.as_chunks_mut().0 {
+        *least = [steps.limit; LANES];
+        let mut most = lower::<T, 1>(least, line, &steps.squares, at, at + ahead);
+        let mut k = 1;
+        if most > steps.squares[1] && steps.farthest >= 1 {
+            let reach = line.step;
+            most = lower::<T, 1>(least, line, &steps.squares[1..], at - reach, at + ahead + reach);
+            k = 2;
+        }
+        while most > steps.squares[k] && k <= steps.farthest {
+            let reach = k * line.step;
+            let squares = &steps.squares[k..];
+            most = lower::<T, STRIDE>(least, line, squares, at - reach, at + ahead + reach);
+            k += STRIDE;
+        }
+        if most == T::FAR || (most > steps.squares[k] && !steps.complete) {
+            return false;
+        }
+        at += LANES;
+    }
+    true
+}
+
+/// Lowers minima by the values at N pairs of places, each a step further out; returns the largest.
+#[inline(always)]
+fn lower<T: Lane, const N: usize>(
+    least: &mut [T; LANES],
+    line: &Line<'_, T>,
+    squares: &[T],
+    before: usize,
+    after: usize,
+) -> T {
+    let span = (N - 1) * line.step;
+    let before = &line.values[before - span..][..span + LANES];
+    let after = &line.values[after..][..span + LANES];
+    let mut most = *least;
+    for j in 0..N {
+        let square = squares[j];
+        let before = &before[span - j * line.step..][..LANES];
+        let after = &after[j * line.step..][..LANES];
+        for i in 0..LANES {
+            most[i] = smaller(most[i], smaller(before[i], after[i]).plus(square));
+        }
+    }
+    *least = most;
+    largest(&most)
+}
+
+/// Halves the lanes until one is left, which vectorises.
+#[inline(always)]
+fn largest<T: Lane>(values: &[T; LANES]) -> T {
+    let mut values = *values;
+    let mut width = LANES / 2;
+    while width > 0 {
+        for i in 0..width {
+            if values[i + width] > values[i] {
+                values[i] = values[i + width];
+            }
+        }
+        width /= 2;
+    }
+    values[0]
+}
+
+/// Unlike `f32::min`, one instruction; there is no NaN here.
+#[inline(always)]
+fn smaller<T: PartialOrd>(a: T, b: T) -> T {
+    if a < b { a } else { b }
+}

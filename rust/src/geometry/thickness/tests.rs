@@ -1,0 +1,96 @@
+use ndarray::{Array3, s};
+use proptest::prelude::*;
+
+use super::*;
+use crate::geometry::distance::distance_transform;
+use crate::threads::with_threads;
+
+fn thickness(phase: ArrayView3<'_, bool>, size: [f64; 3], boundary: Boundary) -> Array3<f32> {
+    let mut out = Array3::zeros(phase.dim());
+    let monitor = Monitor::silent();
+    local_thickness(phase, size, boundary, out.view_mut(), &monitor).unwrap();
+    out
+}
+
+/// Every ball against every voxel. Distances between voxels are taken from `distance_transform`.
+fn twin(phase: &Array3<bool>, diameters: &Array3<f32>, boundary: Boundary) -> Array3<f32> {
+    let mut distance = Array3::zeros(phase.dim());
+    let monitor = Monitor::silent();
+    distance_transform(phase.view(), [1.0; 3], boundary, None, distance.view_mut(), &monitor)
+        .unwrap();
+    let shape = [phase.dim().0, phase.dim().1, phase.dim().2];
+    let along = |a: usize, b: usize, n: usize| match boundary {
+        Boundary::Open => a.abs_diff(b),
+        Boundary::Periodic => a.abs_diff(b).min(n - a.abs_diff(b)),
+    };
+    Array3::from_shape_fn(phase.dim(), |at| {
+        let mut largest = 0.0f32;
+        for (centre, &radius) in distance.indexed_iter() {
+            let square = along(at.0, centre.0, shape[0]).pow(2)
+                + along(at.1, centre.1, shape[1]).pow(2)
+                + along(at.2, centre.2, shape[2]).pow(2);
+            if phase[at] && (square as f32) < (radius * radius).round() {
+                largest = largest.max(diameters[centre]);
+            }
+        }
+        largest
+    })
+}
+
+fn volumes() -> impl Strategy<Value = Array3<bool>> {
+    (1..7usize, 1..9usize, 1..24usize, 0.5..1.0f64).prop_flat_map(|(z, y, x, fraction)| {
+        proptest::collection::vec(proptest::bool::weighted(fraction), z * y * x)
+            .prop_map(move |voxels| Array3::from_shape_vec((z, y, x), voxels).unwrap())
+    })
+}
+
+proptest! {
+    #[test]
+    fn agrees_with_every_ball_against_every_voxel(phase in volumes(), periodic: bool) {
+        let boundary = if periodic { Boundary::Periodic } else { Boundary::Open };
+        let found = thickness(phase.view(), [1.0; 3], boundary);
+        if phase.iter().all(|&inside| inside) {
+            prop_assert!(found.iter().all(|t| t.is_infinite()));
+            return Ok(());
+        }
+        let space = Space::new([1.0; 3], boundary);
+        let mut reach = Array3::zeros(phase.dim());
+        let monitor = Monitor::silent();
+        let lattice = space.lattice([false; 3]);
+        squared_distances(outside(phase.view()), &lattice, reach.view_mut(), |_, _| (), &monitor)
+            .unwrap();
+        let mut scratch = Array3::zeros(phase.dim());
+        let diameters =
+            diameters::largest_nearby(phase.view(), &space, &reach, scratch.view_mut(), &monitor)
+                .unwrap();
+        prop_assert_eq!(&found, &twin(&phase, &diameters, boundary));
+        let again = with_threads(3, || thickness(phase.view(), [1.0; 3], boundary)).unwrap();
+        prop_assert_eq!(&found, &again);
+    }
+}
+
+#[test]
+fn a_slab_is_as_thick_as_it_is() {
+    for t in 1..12 {
+        for boundary in [Boundary::Open, Boundary::Periodic] {
+            let mut phase = Array3::from_elem((20, 20, 20), false);
+            phase.slice_mut(s![4..4 + t, .., ..]).fill(true);
+            let found = thickness(phase.view(), [1.5, 1.0, 0.7], boundary);
+            let expected = 1.5 * t as f32;
+            for (inside, value) in phase.iter().zip(&found) {
+                let wanted = if *inside { expected } else { 0.0 };
+                assert!((value - wanted).abs() < 1e-5, "{t}: {value}");
+            }
+        }
+    }
+}
+
+#[test]
+fn empty_and_full_volumes() {
+    let none = Array3::from_elem((0, 3, 3), true);
+    assert!(thickness(none.view(), [1.0; 3], Boundary::Open).is_empty());
+    let full = Array3::from_elem((3, 4, 5), true);
+    assert!(thickness(full.view(), [1.0; 3], Boundary::Open).iter().all(|t| t.is_infinite()));
+    let empty = full.mapv(|_| false);
+    assert!(thickness(empty.view(), [1.0; 3], Boundary::Open).iter().all(|&t| t == 0.0));
+}
