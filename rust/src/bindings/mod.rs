@@ -7,6 +7,7 @@ mod geometry;
 mod intensity;
 mod texture;
 mod topology;
+mod transport;
 
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
@@ -43,6 +44,8 @@ mod _core {
     use super::texture::{MatchMap, carry_values, gaussian, synthesize};
     #[pymodule_export]
     use super::topology::{component_sizes, label};
+    #[pymodule_export]
+    use super::transport::{diffusivity, permeability};
 
     /// Version of the compiled kernels.
     #[pymodule_init]
