@@ -13,9 +13,11 @@ __all__ = [
     "component_sizes",
     "cut_phases",
     "cut_solid",
+    "diffusivity",
     "gaussian",
     "label",
     "novelty",
+    "permeability",
     "ranks_by_phase",
     "signed_distance",
     "synthesize",
@@ -113,3 +115,21 @@ def novelty(
     seed: int,
     threads: int = 0,
 ) -> tuple[float, float] | None: ...
+def diffusivity(
+    solid: npt.NDArray[np.bool_],
+    axis: int,
+    numbers: tuple[tuple[float, float, float], float, int],
+    *,
+    boundary: str,
+    threads: int = 0,
+    progress: Callable[[str, float], object] | None = None,
+) -> tuple[int, int, float, float, float, int]: ...
+def permeability(
+    solid: npt.NDArray[np.bool_],
+    axis: int,
+    numbers: tuple[tuple[float, float, float], float, int],
+    *,
+    boundary: str,
+    threads: int = 0,
+    progress: Callable[[str, float], object] | None = None,
+) -> tuple[int, int, float, float, float, int]: ...

@@ -30,17 +30,26 @@ from poresynth.metrics.intensity import (
     seam,
 )
 from poresynth.metrics.registry import METRICS, Metric, measure, metric
+from poresynth.metrics.transport import (
+    Diffusivity,
+    Permeability,
+    effective_diffusivity,
+    permeability,
+)
 
 __all__ = [
     "METRICS",
     "Components",
+    "Diffusivity",
     "HistogramDistance",
     "Metric",
     "Novelty",
+    "Permeability",
     "TwoPointCorrelation",
     "component_sizes",
     "component_wasserstein",
     "components",
+    "effective_diffusivity",
     "floating_parts",
     "gradient_ratio",
     "histogram_distance",
@@ -50,6 +59,7 @@ __all__ = [
     "measure",
     "metric",
     "novelty",
+    "permeability",
     "porosity",
     "seam",
     "two_point_correlation",

@@ -42,11 +42,10 @@ pub(super) fn diffusivity<'py>(
     let (spacing, tolerance, iterations) = numbers;
     let settings = Settings { spacing: axes.map(|a| spacing[a]), tolerance, iterations };
     let solid = solid.as_array().permuted_axes(axes);
-    let (pore, percolating, found) =
-        cancellable::run(py, threads, progress.as_ref(), |monitor| {
-            let space = PoreSpace::new(solid, boundary, monitor)?;
-            Ok((space.pore, space.len(), diffuse(&space, &settings, monitor)?))
-        })?;
+    let (pore, percolating, found) = cancellable::run(py, threads, progress.as_ref(), |monitor| {
+        let space = PoreSpace::new(solid, boundary, monitor)?;
+        Ok((space.pore, space.len(), diffuse(&space, &settings, monitor)?))
+    })?;
     let Diffusion { diffusivity, flux_mismatch, residual, iterations } = found;
     Ok((pore, percolating, diffusivity, flux_mismatch, residual, iterations))
 }
@@ -69,11 +68,10 @@ pub(super) fn permeability<'py>(
     let (spacing, tolerance, iterations) = numbers;
     let settings = Settings { spacing: axes.map(|a| spacing[a]), tolerance, iterations };
     let solid = solid.as_array().permuted_axes(axes);
-    let (pore, percolating, found) =
-        cancellable::run(py, threads, progress.as_ref(), |monitor| {
-            let space = PoreSpace::new(solid, boundary, monitor)?;
-            Ok((space.pore, space.len(), flow(&space, &settings, monitor)?))
-        })?;
+    let (pore, percolating, found) = cancellable::run(py, threads, progress.as_ref(), |monitor| {
+        let space = PoreSpace::new(solid, boundary, monitor)?;
+        Ok((space.pore, space.len(), flow(&space, &settings, monitor)?))
+    })?;
     let Flow { permeability, flux_mismatch, residual, iterations } = found;
     Ok((pore, percolating, permeability, flux_mismatch, residual, iterations))
 }

@@ -35,7 +35,12 @@ pub struct Diffusion {
 /// Peak memory: 160 bytes a percolating voxel besides the pore space.
 pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) -> Result<Diffusion> {
     if space.is_empty() {
-        return Ok(Diffusion { diffusivity: 0.0, flux_mismatch: 0.0, residual: 0.0, iterations: 0 });
+        return Ok(Diffusion {
+            diffusivity: 0.0,
+            flux_mismatch: 0.0,
+            residual: 0.0,
+            iterations: 0,
+        });
     }
     let problem = Problem::new(space, settings);
     let mut multigrid =
@@ -55,11 +60,12 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
             break 0.0;
         }
         // Single precision has no room for residuals of any size.
-        let preconditioned = multigrid.cycle(|first, right| {
+        let scale_down = |first: usize, right: &mut [f32]| {
             for (right, r) in right.iter_mut().zip(&residual[first..]) {
                 *right = (r / scale) as f32;
             }
-        });
+        };
+        let preconditioned = multigrid.cycle(scale_down, monitor);
         let product = scale
             * sum(n, |range| {
                 let pairs = residual[range.clone()].iter().zip(&preconditioned[range]);
@@ -72,12 +78,12 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
             break error;
         }
         let ratio = if iterations == 0 { 0.0 } else { product / before };
-        for_chunks(&mut direction, |first, direction| {
+        for_chunks(&mut direction, monitor, |first, direction| {
             for (d, &z) in direction.iter_mut().zip(&preconditioned[first..]) {
                 *d = scale * f64::from(z) + ratio * *d;
             }
         });
-        for_chunks(&mut image, |first, image| {
+        for_chunks(&mut image, monitor, |first, image| {
             for (i, image) in image.iter_mut().enumerate() {
                 *image = problem.apply(first + i, &direction);
             }
@@ -87,8 +93,8 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
             break error;
         }
         let length = product / curvature;
-        add(&mut chi, length, &direction);
-        add(&mut residual, -length, &image);
+        add(&mut chi, length, &direction, monitor);
+        add(&mut residual, -length, &image, monitor);
         before = product;
         iterations += 1;
     };
@@ -107,8 +113,8 @@ pub(super) fn report(monitor: &Monitor<'_>, error: f64, first: f64, tolerance: f
     monitor.report("solving", done.clamp(0.0, 1.0));
 }
 
-fn add(values: &mut [f64], factor: f64, other: &[f64]) {
-    for_chunks(values, |first, values| {
+fn add(values: &mut [f64], factor: f64, other: &[f64], monitor: &Monitor<'_>) {
+    for_chunks(values, monitor, |first, values| {
         for (value, other) in values.iter_mut().zip(&other[first..]) {
             *value += factor * other;
         }
@@ -178,8 +184,7 @@ impl<'a> Problem<'a> {
                         let other = self.space.neighbours[voxel][side(axis, 1)];
                         if other != self.none {
                             let fall = if axis == 0 { 1.0 } else { 0.0 };
-                            sum += self.weights[axis]
-                                * (own - chi[other as usize] + fall).powi(2);
+                            sum += self.weights[axis] * (own - chi[other as usize] + fall).powi(2);
                         }
                     }
                     for (side, chi) in [own, -own].into_iter().enumerate() {

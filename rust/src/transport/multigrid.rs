@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use super::vectors::{CHUNK, for_chunks};
+use super::vectors::{CHUNK, for_chunks, for_chunks_of_two};
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::volume::{Shape, index, position};
@@ -119,11 +119,11 @@ impl Multigrid {
         mut shape: Shape,
         monitor: &Monitor<'_>,
     ) -> Result<Self> {
-        let mut levels = vec![Level::new(graph)];
+        let mut levels = vec![Level::new(graph, monitor)];
         let mut positions = positions.to_vec();
         while shape.iter().any(|&n| n > 1) {
             let coarse = shape.map(|n| n.div_ceil(2));
-            for_chunks(&mut positions, |_, positions| {
+            for_chunks(&mut positions, monitor, |_, positions| {
                 for at in positions {
                     *at = index(coarse, position(shape, *at as usize).map(|i| i / 2)) as u32;
                 }
@@ -132,7 +132,7 @@ impl Multigrid {
             let last = levels.len() - 1;
             let (next, kept) = levels[last].coarsen(&positions, monitor)?;
             positions = kept;
-            levels.push(Level::new(next));
+            levels.push(Level::new(next, monitor));
         }
         let rooms = levels.iter().map(|level| Room::new(level.graph.len())).collect();
         Ok(Self { levels, rooms })
@@ -141,37 +141,41 @@ impl Multigrid {
     /// Approximates the solution of A x = b, beginning from nothing.
     ///
     /// `fill` writes chunks of b, given the first index of the chunk.
-    pub fn cycle(&mut self, fill: impl Fn(usize, &mut [f32]) + Sync) -> &[f32] {
-        for_chunks(&mut self.rooms[0].right, fill);
-        cycle(&self.levels, &mut self.rooms);
+    pub fn cycle(
+        &mut self,
+        fill: impl Fn(usize, &mut [f32]) + Sync,
+        monitor: &Monitor<'_>,
+    ) -> &[f32] {
+        for_chunks(&mut self.rooms[0].right, monitor, fill);
+        cycle(&self.levels, &mut self.rooms, monitor);
         &self.rooms[0].solution
     }
 }
 
 /// One V-cycle for the first of `levels`; the right side and the solution are in the first room.
-fn cycle(levels: &[Level], rooms: &mut [Room]) {
+fn cycle(levels: &[Level], rooms: &mut [Room], monitor: &Monitor<'_>) {
     let ([level, below @ ..], [room, rooms @ ..]) = (levels, rooms) else { return };
     let Some(next) = rooms.first_mut() else {
         // Its nodes have no links.
-        level.step(room, 0.0, 1.0, true);
+        level.step(room, [0.0, 1.0], true, monitor);
         return;
     };
-    level.smooth(room, true);
-    level.residual(room);
+    level.smooth(room, true, monitor);
+    level.residual(room, monitor);
     let residual = &room.other;
-    for_chunks(&mut next.right, |first, right| {
+    for_chunks(&mut next.right, monitor, |first, right| {
         for (i, right) in right.iter_mut().enumerate() {
             *right = level.children_of(first + i).iter().map(|&c| residual[c as usize]).sum();
         }
     });
-    cycle(below, rooms);
+    cycle(below, rooms, monitor);
     let correction = &rooms[0].solution;
-    for_chunks(&mut room.solution, |first, solution| {
+    for_chunks(&mut room.solution, monitor, |first, solution| {
         for (x, &parent) in solution.iter_mut().zip(&level.parents[first..]) {
             *x += OVERCORRECTION * correction[parent as usize];
         }
     });
-    level.smooth(room, false);
+    level.smooth(room, false, monitor);
 }
 
 impl Room {
@@ -186,9 +190,9 @@ impl Room {
 }
 
 impl Level {
-    fn new(graph: Graph) -> Self {
+    fn new(graph: Graph, monitor: &Monitor<'_>) -> Self {
         let mut diagonal = graph.ground.clone();
-        for_chunks(&mut diagonal, |first, diagonal| {
+        for_chunks(&mut diagonal, monitor, |first, diagonal| {
             for (i, d) in diagonal.iter_mut().enumerate() {
                 *d += graph.links_of(first + i).map(|(_, link)| link).sum::<f32>();
             }
@@ -270,7 +274,7 @@ impl Level {
     }
 
     /// Chebyshev iteration on D⁻¹A; `from_zero` forgets the solution that is there.
-    fn smooth(&self, room: &mut Room, from_zero: bool) {
+    fn smooth(&self, room: &mut Room, from_zero: bool, monitor: &Monitor<'_>) {
         let [low, high] = SMOOTHED;
         let (center, half) = (f32::midpoint(low, high), (high - low) / 2.0);
         let mut rho = half / center;
@@ -283,14 +287,14 @@ impl Level {
                 rho = next;
                 factors
             };
-            self.step(room, keep, add, from_zero && k == 0);
+            self.step(room, [keep, add], from_zero && k == 0, monitor);
         }
     }
 
     /// step ← keep · step + add · D⁻¹ (b − A x), x ← x + step.
-    fn step(&self, room: &mut Room, keep: f32, add: f32, from_zero: bool) {
+    fn step(&self, room: &mut Room, [keep, add]: [f32; 2], from_zero: bool, monitor: &Monitor<'_>) {
         let Room { right, solution, other, step } = room;
-        let work = |first: usize, step: &mut [f32], new: &mut [f32]| {
+        for_chunks_of_two(step, other, monitor, |first, step, new| {
             for (i, (s, new)) in step.iter_mut().zip(new).enumerate() {
                 let node = first + i;
                 let diagonal = self.diagonal[node];
@@ -303,31 +307,25 @@ impl Level {
                     *new = *s;
                     continue;
                 }
-                let flow: f32 = self.graph.links_of(node).map(|(e, l)| l * solution[e as usize]).sum();
+                let flow: f32 =
+                    self.graph.links_of(node).map(|(e, l)| l * solution[e as usize]).sum();
                 let x = solution[node];
                 let residual = right[node] + flow - diagonal * x;
                 *s = keep * *s + add * residual / diagonal;
                 *new = x + *s;
             }
-        };
-        if step.len() <= CHUNK {
-            work(0, step, other);
-        } else {
-            step.par_chunks_mut(CHUNK)
-                .zip(other.par_chunks_mut(CHUNK))
-                .enumerate()
-                .for_each(|(chunk, (step, new))| work(chunk * CHUNK, step, new));
-        }
+        });
         std::mem::swap(solution, other);
     }
 
     /// Writes b − A x into `other`.
-    fn residual(&self, room: &mut Room) {
+    fn residual(&self, room: &mut Room, monitor: &Monitor<'_>) {
         let Room { right, solution, other, .. } = room;
-        for_chunks(other, |first, residual| {
+        for_chunks(other, monitor, |first, residual| {
             for (i, r) in residual.iter_mut().enumerate() {
                 let node = first + i;
-                let flow: f32 = self.graph.links_of(node).map(|(e, l)| l * solution[e as usize]).sum();
+                let flow: f32 =
+                    self.graph.links_of(node).map(|(e, l)| l * solution[e as usize]).sum();
                 *r = right[node] + flow - self.diagonal[node] * solution[node];
             }
         });

@@ -50,11 +50,18 @@ impl PoreSpace {
         if u32::try_from(voxels(shape) + n1 * n2 + 1).is_err() {
             return Err(Error::parameter("shape", shape, "must have less than 2^32 voxels"));
         }
-        let mut numbers: Vec<u32> = solid.iter().map(|&s| if s { SOLID } else { PORE }).collect();
+        let mut numbers: Vec<u32> = Vec::with_capacity(voxels(shape));
+        for plane in solid.outer_iter() {
+            monitor.check()?;
+            numbers.extend(plane.iter().map(|&s| if s { SOLID } else { PORE }));
+        }
         let pore = numbers.par_iter().filter(|&&n| n == PORE).count();
         mark_percolating(&mut numbers, shape, boundary, monitor)?;
         let mut positions = Vec::new();
         for (at, number) in numbers.iter_mut().enumerate() {
+            if at.is_multiple_of(PATIENCE) {
+                monitor.check()?;
+            }
             if *number == FLOWING {
                 *number = positions.len() as u32;
                 positions.push(at as u32);

@@ -31,7 +31,7 @@ pub(super) fn solve(
     let mut z_next = zeros.clone();
     let mut image = zeros;
 
-    preconditioner.apply(grid, &v, &mut z);
+    preconditioner.apply(grid, &v, &mut z, monitor);
     let product = |a: &[Unknowns], b: &[Unknowns]| dot(a.as_flattened(), b.as_flattened());
     let mut gamma = product(&z, &v).max(0.0).sqrt();
     let mut gamma_old = 1.0;
@@ -47,8 +47,8 @@ pub(super) fn solve(
             break residual;
         }
         let inverse = (1.0 / gamma) as f32;
-        combine(&mut z, inverse, 0.0, &v);
-        for_chunks(&mut image, |first, image| {
+        combine(&mut z, [inverse, 0.0], &v, monitor);
+        for_chunks(&mut image, monitor, |first, image| {
             for (i, image) in image.iter_mut().enumerate() {
                 *image = grid.apply(first + i, &z);
             }
@@ -56,7 +56,7 @@ pub(super) fn solve(
         let delta = product(&image, &z);
         // v_next = A z − (δ/γ) v − (γ/γ_old) v_old, in the room of v_old
         let (a, b) = ((delta / gamma) as f32, (gamma / gamma_old) as f32);
-        for_chunks(&mut v_old, |first, v_old| {
+        for_chunks(&mut v_old, monitor, |first, v_old| {
             for (i, v_old) in v_old.iter_mut().enumerate() {
                 let node = first + i;
                 for c in 0..4 {
@@ -65,7 +65,7 @@ pub(super) fn solve(
             }
         });
         std::mem::swap(&mut v, &mut v_old);
-        preconditioner.apply(grid, &v, &mut z_next);
+        preconditioner.apply(grid, &v, &mut z_next, monitor);
         let gamma_next = product(&z_next, &v).max(0.0).sqrt();
 
         let alpha_0 = c * delta - c_old * s * gamma;
@@ -76,7 +76,7 @@ pub(super) fn solve(
         (s_old, s) = (s, gamma_next / alpha_1);
         // w_next = (z − α₃ w_old − α₂ w) / α₁, in the room of w_old; x += c η w_next
         let [a, b, d] = [1.0 / alpha_1, alpha_3 / alpha_1, alpha_2 / alpha_1].map(|f| f as f32);
-        for_chunks(&mut w_old, |first, w_old| {
+        for_chunks(&mut w_old, monitor, |first, w_old| {
             for (i, w_old) in w_old.iter_mut().enumerate() {
                 let node = first + i;
                 for c in 0..4 {
@@ -85,15 +85,11 @@ pub(super) fn solve(
             }
         });
         std::mem::swap(&mut w, &mut w_old);
-        combine(&mut x, 1.0, (c * eta) as f32, &w);
+        combine(&mut x, [1.0, (c * eta) as f32], &w, monitor);
         eta *= -s;
         (gamma_old, gamma) = (gamma, gamma_next);
         std::mem::swap(&mut z, &mut z_next);
         iterations += 1;
-        if std::env::var("TRACE").is_ok() && iterations % 5 == 0 {
-            let k: f64 = x.iter().map(|u| f64::from(u[0])).sum();
-            eprintln!("{iterations} {residual:.3e} {k:.6e}");
-        }
     };
     Ok(Solved { unknowns: x, residual, iterations })
 }

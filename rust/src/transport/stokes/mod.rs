@@ -44,10 +44,12 @@ pub fn flow(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) -> Re
     if space.pore == voxels(space.shape) {
         return Ok(Flow { permeability: f64::INFINITY, ..still });
     }
-    let grid = Grid::new(space, settings.spacing, monitor)?;
+    // Single precision likes steps near 1.
+    let edge = settings.spacing.iter().product::<f64>().cbrt();
+    let grid = Grid::new(space, settings.spacing.map(|h| h / edge), monitor)?;
     let mut preconditioner = Preconditioner::new(&grid, monitor)?;
     let force: Vec<Unknowns> = grid
-        .diagonal
+        .inverse
         .par_iter()
         .map(|d| [if d[0] > 0.0 { 1.0 } else { 0.0 }, 0.0, 0.0, 0.0])
         .collect();
@@ -63,7 +65,7 @@ pub fn flow(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) -> Re
     let low = fluxes.iter().copied().fold(f64::INFINITY, f64::min);
     let high = fluxes.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     Ok(Flow {
-        permeability: mean / (n1 * n2) as f64,
+        permeability: edge * edge * mean / (n1 * n2) as f64,
         flux_mismatch: if mean > 0.0 { (high - low) / mean } else { 0.0 },
         residual: solved.residual,
         iterations: solved.iterations,
