@@ -77,9 +77,21 @@ impl Graph {
         self.ground.len()
     }
 
+    #[inline(always)]
     fn links_of(&self, node: usize) -> impl Iterator<Item = (u32, f32)> {
         let range = self.starts[node] as usize..self.starts[node + 1] as usize;
         self.ends[range.clone()].iter().copied().zip(self.links[range].iter().copied())
+    }
+
+    /// Sum of conductance · value over the links of a node.
+    #[inline(always)]
+    fn inflow(&self, node: usize, values: &[f32]) -> f32 {
+        let range = self.starts[node] as usize..self.starts[node + 1] as usize;
+        let mut sum = 0.0;
+        for (&end, &link) in self.ends[range.clone()].iter().zip(&self.links[range]) {
+            sum += link * values[end as usize];
+        }
+        sum
     }
 }
 
@@ -307,10 +319,8 @@ impl Level {
                     *new = *s;
                     continue;
                 }
-                let flow: f32 =
-                    self.graph.links_of(node).map(|(e, l)| l * solution[e as usize]).sum();
                 let x = solution[node];
-                let residual = right[node] + flow - diagonal * x;
+                let residual = right[node] + self.graph.inflow(node, solution) - diagonal * x;
                 *s = keep * *s + add * residual / diagonal;
                 *new = x + *s;
             }
@@ -324,9 +334,8 @@ impl Level {
         for_chunks(other, monitor, |first, residual| {
             for (i, r) in residual.iter_mut().enumerate() {
                 let node = first + i;
-                let flow: f32 =
-                    self.graph.links_of(node).map(|(e, l)| l * solution[e as usize]).sum();
-                *r = right[node] + flow - self.diagonal[node] * solution[node];
+                let inflow = self.graph.inflow(node, solution);
+                *r = right[node] + inflow - self.diagonal[node] * solution[node];
             }
         });
     }
@@ -337,4 +346,68 @@ fn root(parents: &[u32], mut node: u32) -> u32 {
         node = parents[node as usize];
     }
     node
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Key;
+    use crate::transport::vectors::dot;
+    use crate::volume::voxels;
+
+    /// A lattice of random conductances, some of them missing, grounded at one end.
+    fn lattice(shape: Shape) -> Multigrid {
+        let silent = Monitor::silent();
+        let n = voxels(shape);
+        let ground = (0..n).map(|i| if position(shape, i)[0] == 0 { 2.0 } else { 0.0 }).collect();
+        let each = |node: usize, links: &mut Vec<(u32, f32)>| {
+            for axis in 0..3 {
+                for after in [false, true] {
+                    let mut to = position(shape, node);
+                    to[axis] = if after { to[axis] + 1 } else { to[axis].wrapping_sub(1) };
+                    if to[axis] < shape[axis] {
+                        let to = index(shape, to);
+                        let unit = Key::new(1).unit((3 * node.min(to) + axis) as u64);
+                        if unit > 0.3 {
+                            links.push((to as u32, unit));
+                        }
+                    }
+                }
+            }
+        };
+        let graph = Graph::new(ground, each, &silent).unwrap();
+        let positions: Vec<u32> = (0..n as u32).collect();
+        Multigrid::new(graph, &positions, shape, &silent).unwrap()
+    }
+
+    fn noise(n: usize, seed: u64) -> Vec<f32> {
+        (0..n).map(|i| Key::new(seed).unit(i as u64) - 0.5).collect()
+    }
+
+    #[test]
+    fn a_cycle_is_symmetric_and_positive() {
+        let shape = [9, 7, 11];
+        let mut multigrid = lattice(shape);
+        let [a, b] = [2, 3].map(|seed| noise(voxels(shape), seed));
+        let mut cycle = |right: &[f32]| {
+            let fill = |first: usize, chunk: &mut [f32]| {
+                chunk.copy_from_slice(&right[first..first + chunk.len()]);
+            };
+            multigrid.cycle(fill, &Monitor::silent()).to_vec()
+        };
+        let [cycled_a, cycled_b] = [&a, &b].map(|v| cycle(v));
+        let (ab, ba) = (dot(&cycled_a, &b), dot(&a, &cycled_b));
+        let scale = (dot(&cycled_a, &a) * dot(&cycled_b, &b)).sqrt();
+        assert!((ab - ba).abs() < 1e-5 * scale);
+        assert!(dot(&cycled_a, &a) > 0.0 && dot(&cycled_b, &b) > 0.0);
+    }
+
+    #[test]
+    fn the_coarsest_level_has_a_node_for_each_part() {
+        let multigrid = lattice([8, 8, 8]);
+        let last = &multigrid.levels[multigrid.levels.len() - 1].graph;
+        assert!(last.links.is_empty());
+        let total: f32 = multigrid.levels[0].graph.ground.iter().sum();
+        assert!((last.ground.iter().sum::<f32>() - total).abs() < 1e-3);
+    }
 }

@@ -222,7 +222,10 @@ impl<'a> Grid<'a> {
     /// The unknowns round a node.
     #[inline(always)]
     pub fn around(&self, node: usize, x: &[Unknowns]) -> [Unknowns; 6] {
-        self.neighbours[node].map(|k| x[k as usize])
+        // Spelled out: `map` is not inlined here, which costs a quarter of the time.
+        let [a, b, c, d, e, f] = self.neighbours[node];
+        let at = |k: u32| x[k as usize];
+        [at(a), at(b), at(c), at(d), at(e), at(f)]
     }
 }
 

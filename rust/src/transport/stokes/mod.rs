@@ -71,3 +71,57 @@ pub fn flow(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) -> Re
         iterations: solved.iterations,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use ndarray::{Array3, s};
+
+    use super::*;
+    use crate::error::Error;
+
+    const SETTINGS: Settings = Settings { spacing: [1.0; 3], tolerance: 1e-5, iterations: 1000 };
+
+    fn plates(width: usize) -> Array3<bool> {
+        let mut solid = Array3::from_elem((5, width + 1, 4), false);
+        solid.slice_mut(s![.., 0, ..]).fill(true);
+        solid
+    }
+
+    fn solve(solid: &Array3<bool>, boundary: Boundary) -> Flow {
+        let silent = Monitor::silent();
+        let space = PoreSpace::new(solid.view(), boundary, &silent).unwrap();
+        flow(&space, &SETTINGS, &silent).unwrap()
+    }
+
+    #[test]
+    fn between_plates() {
+        for width in 1..7 {
+            // An open side is a mirror: the other plate is twice as far.
+            for (boundary, gap) in [(Boundary::Periodic, width), (Boundary::Open, 2 * width)] {
+                let found = solve(&plates(width), boundary).permeability;
+                let exact = (gap * gap * width) as f64 / 12.0 / (width + 1) as f64;
+                assert!((found / exact - 1.0).abs() < 1e-5, "{width} {boundary:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_a_wall_and_without_a_way() {
+        for boundary in [Boundary::Open, Boundary::Periodic] {
+            let free = solve(&Array3::from_elem((3, 3, 3), false), boundary);
+            assert!(free.permeability.is_infinite());
+            assert!(solve(&Array3::from_elem((3, 3, 3), true), boundary).permeability == 0.0);
+        }
+    }
+
+    #[test]
+    fn stops_when_asked_to() {
+        let silent = Monitor::silent();
+        let space = PoreSpace::new(plates(3).view(), Boundary::Open, &silent).unwrap();
+        let cancel = AtomicBool::new(true);
+        let monitor = Monitor::new(&cancel, &|_| ());
+        assert_eq!(flow(&space, &SETTINGS, &monitor), Err(Error::Cancelled));
+    }
+}
