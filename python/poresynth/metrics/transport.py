@@ -225,9 +225,10 @@ def permeability(
         fluid. Periodic: the volume tiles space, and pressure falls evenly from tile to tile.
     tolerance : float, default 1e-3
         Relative residual, in the preconditioner's norm, at which to stop. Permeability comes down
-        to its value: 1 % above it at a residual of 0.01, 0.1 % at 0.001 (Berea sandstone, 200³).
+        to its value: 2 % above it at a residual of 0.01, 0.1 % at 0.001 (Berea sandstone, 200³).
     iterations : int, default 1000
-        Iterations after which to give up; a sandstone of 200³ voxels takes about 80.
+        Iterations after which to give up; a sandstone of 200³ voxels takes about 70, wide
+        pores take more.
     threads : int, default 0
         Number of threads; 0 takes all cores. The values do not depend on it.
     progress : callable, optional
