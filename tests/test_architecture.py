@@ -41,7 +41,7 @@ PYTHON_ARROWS = {
 TORCH: set[str] = set()
 
 RUST_GROUND = {"error", "rng", "volume", "monitor", "threads"}
-AREAS = {"texture", "intensity", "topology", "geometry", "correlation"}
+AREAS = {"texture", "intensity", "topology", "geometry", "correlation", "transport"}
 RUST_ARROWS = {
     "error": set(),
     "rng": {"error"},
@@ -52,6 +52,7 @@ RUST_ARROWS = {
     "intensity": RUST_GROUND,
     "topology": RUST_GROUND,
     "correlation": RUST_GROUND,
+    "transport": RUST_GROUND,
     "texture": RUST_GROUND | {"geometry", "intensity"},
     "bindings": RUST_GROUND | AREAS,
     "lib": RUST_GROUND | AREAS | {"bindings"},

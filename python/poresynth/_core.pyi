@@ -16,6 +16,7 @@ __all__ = [
     "component_statistics",
     "cut_phases",
     "cut_solid",
+    "diffusivity",
     "distance_transform",
     "euler_corrected",
     "euler_number",
@@ -28,6 +29,7 @@ __all__ = [
     "local_thickness",
     "match_histogram",
     "novelty",
+    "permeability",
     "ranks_by_phase",
     "run_lengths",
     "secants",
@@ -262,3 +264,21 @@ def novelty(
     seed: int,
     threads: int = 0,
 ) -> tuple[float, float] | None: ...
+def diffusivity(
+    solid: npt.NDArray[np.bool_],
+    axis: int,
+    numbers: tuple[tuple[float, float, float], float, int],
+    *,
+    boundary: str,
+    threads: int = 0,
+    progress: Callable[[str, float], object] | None = None,
+) -> tuple[int, int, float, float, float, int]: ...
+def permeability(
+    solid: npt.NDArray[np.bool_],
+    axis: int,
+    numbers: tuple[tuple[float, float, float], float, int],
+    *,
+    boundary: str,
+    threads: int = 0,
+    progress: Callable[[str, float], object] | None = None,
+) -> tuple[int, int, float, float, float, int]: ...

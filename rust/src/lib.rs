@@ -12,6 +12,7 @@ pub mod rng;
 pub mod texture;
 pub mod threads;
 pub mod topology;
+pub mod transport;
 pub mod volume;
 
 #[cfg(feature = "python")]

@@ -85,6 +85,12 @@ from poresynth.metrics.topology import (
     euler_density,
     euler_number,
 )
+from poresynth.metrics.transport import (
+    Diffusivity,
+    Permeability,
+    effective_diffusivity,
+    permeability,
+)
 from poresynth.metrics.windows import LocalPorosity, local_porosity
 
 __all__ = [
@@ -98,6 +104,7 @@ __all__ = [
     "ComponentStatistics",
     "Components",
     "Connectivity",
+    "Diffusivity",
     "EndPoints",
     "EulerDensity",
     "Fabric",
@@ -110,6 +117,7 @@ __all__ = [
     "Nodes",
     "Novelty",
     "Percolation",
+    "Permeability",
     "PoreSizeDistribution",
     "SkeletonGraph",
     "Specimen",
@@ -129,6 +137,7 @@ __all__ = [
     "components",
     "connectivity_density",
     "distance_transform",
+    "effective_diffusivity",
     "end_points",
     "euler_density",
     "euler_number",
@@ -150,6 +159,7 @@ __all__ = [
     "novelty",
     "novelty_curve",
     "percolation",
+    "permeability",
     "pore_size_distribution",
     "porosity",
     "remove_small_parts",

@@ -12,6 +12,7 @@ mod surface;
 mod skeleton;
 mod texture;
 mod topology;
+mod transport;
 
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
@@ -64,6 +65,8 @@ mod _core {
     use super::texture::{MatchMap, carry_values, gaussian, synthesize};
     #[pymodule_export]
     use super::topology::{component_sizes, label};
+    #[pymodule_export]
+    use super::transport::{diffusivity, permeability};
 
     /// Version of the compiled kernels.
     #[pymodule_init]

@@ -1,0 +1,22 @@
+//! Transport through the pore space: diffusion and creeping flow.
+//!
+//! [`pore::PoreSpace`] numbers the voxels that carry a flow from face to face and says which touch;
+//! [`diffusion`] and [`stokes`] solve for what flows there, helped by [`multigrid`]. The flow goes
+//! along axis 0 of the views: callers permute the axes.
+
+pub mod diffusion;
+mod multigrid;
+pub mod pore;
+pub mod stokes;
+mod vectors;
+
+/// How to measure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Edges of a voxel along the axes of the view.
+    pub spacing: [f64; 3],
+    /// Relative residual to reach.
+    pub tolerance: f64,
+    /// Iterations after which to give up.
+    pub iterations: usize,
+}

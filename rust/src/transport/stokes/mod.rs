@@ -1,0 +1,127 @@
+//! Creeping flow through the pore: Stokes' equations on a staggered grid.
+//!
+//! Pressure is at the centres of voxels, velocity at the faces between them (marker and cell), so
+//! that mass is kept exactly and no flow passes an edge or a corner. The flow is driven by a unit
+//! force along axis 0; viscosity is 1, so that the mean velocity is the permeability. What is
+//! solved is [A G; Gᵀ 0] [u; p] = [1; 0], by MINRES ([`minres`]) with a preconditioner of two
+//! blocks ([`preconditioner`]).
+
+mod grid;
+mod minres;
+mod preconditioner;
+
+use rayon::prelude::*;
+
+use self::grid::{Grid, Unknowns};
+use self::preconditioner::Preconditioner;
+use super::Settings;
+use super::pore::PoreSpace;
+use crate::error::Result;
+use crate::monitor::Monitor;
+use crate::volume::{Boundary, voxels};
+
+/// How a viscous fluid flows through a pore space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flow {
+    /// Permeability in the square of the unit of the spacing; infinite where there is no wall.
+    pub permeability: f64,
+    /// Difference between the largest and the smallest flow through a plane, by the mean flow.
+    pub flux_mismatch: f64,
+    /// Norm of the preconditioned residual by that of the driving force.
+    pub residual: f64,
+    /// Iterations done.
+    pub iterations: usize,
+}
+
+/// Solves for the flow along axis 0.
+///
+/// Peak memory: 320 bytes a percolating voxel besides the pore space.
+pub fn flow(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) -> Result<Flow> {
+    let still = Flow { permeability: 0.0, flux_mismatch: 0.0, residual: 0.0, iterations: 0 };
+    if space.is_empty() {
+        return Ok(still);
+    }
+    if space.pore == voxels(space.shape) {
+        return Ok(Flow { permeability: f64::INFINITY, ..still });
+    }
+    // Single precision likes steps near 1.
+    let edge = settings.spacing.iter().product::<f64>().cbrt();
+    let grid = Grid::new(space, settings.spacing.map(|h| h / edge), monitor)?;
+    let mut preconditioner = Preconditioner::new(&grid, monitor)?;
+    let force: Vec<Unknowns> = grid
+        .inverse
+        .par_iter()
+        .map(|d| [if d[0] > 0.0 { 1.0 } else { 0.0 }, 0.0, 0.0, 0.0])
+        .collect();
+    let solved = minres::solve(&grid, &mut preconditioner, force, settings, monitor)?;
+    let [n0, n1, n2] = space.shape;
+    let mut fluxes = vec![0.0; n0 + 1];
+    for (node, unknowns) in solved.unknowns.iter().enumerate() {
+        let plane = if node < space.len() { space.plane(node) + 1 } else { 0 };
+        fluxes[plane] += f64::from(unknowns[0]);
+    }
+    let fluxes = if space.boundary == Boundary::Open { &fluxes[..] } else { &fluxes[1..] };
+    let mean = fluxes.iter().sum::<f64>() / fluxes.len() as f64;
+    let low = fluxes.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = fluxes.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    Ok(Flow {
+        permeability: edge * edge * mean / (n1 * n2) as f64,
+        flux_mismatch: if mean > 0.0 { (high - low) / mean } else { 0.0 },
+        residual: solved.residual,
+        iterations: solved.iterations,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use ndarray::{Array3, s};
+
+    use super::*;
+    use crate::error::Error;
+
+    const SETTINGS: Settings = Settings { spacing: [1.0; 3], tolerance: 1e-5, iterations: 1000 };
+
+    fn plates(width: usize) -> Array3<bool> {
+        let mut solid = Array3::from_elem((5, width + 1, 4), false);
+        solid.slice_mut(s![.., 0, ..]).fill(true);
+        solid
+    }
+
+    fn solve(solid: &Array3<bool>, boundary: Boundary) -> Flow {
+        let silent = Monitor::silent();
+        let space = PoreSpace::new(solid.view(), boundary, &silent).unwrap();
+        flow(&space, &SETTINGS, &silent).unwrap()
+    }
+
+    #[test]
+    fn between_plates() {
+        for width in 1..7 {
+            // An open side is a mirror: the other plate is twice as far.
+            for (boundary, gap) in [(Boundary::Periodic, width), (Boundary::Open, 2 * width)] {
+                let found = solve(&plates(width), boundary).permeability;
+                let exact = (gap * gap * width) as f64 / 12.0 / (width + 1) as f64;
+                assert!((found / exact - 1.0).abs() < 1e-5, "{width} {boundary:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_a_wall_and_without_a_way() {
+        for boundary in [Boundary::Open, Boundary::Periodic] {
+            let free = solve(&Array3::from_elem((3, 3, 3), false), boundary);
+            assert!(free.permeability.is_infinite());
+            assert!(solve(&Array3::from_elem((3, 3, 3), true), boundary).permeability == 0.0);
+        }
+    }
+
+    #[test]
+    fn stops_when_asked_to() {
+        let silent = Monitor::silent();
+        let space = PoreSpace::new(plates(3).view(), Boundary::Open, &silent).unwrap();
+        let cancel = AtomicBool::new(true);
+        let monitor = Monitor::new(&cancel, &|_| ());
+        assert_eq!(flow(&space, &SETTINGS, &monitor), Err(Error::Cancelled));
+    }
+}
