@@ -40,9 +40,10 @@ PYTHON_ARROWS = {
 # Modules that may import torch: the neural engines.
 TORCH: set[str] = set()
 
-RUST_GROUND = {"error", "rng", "volume", "monitor", "threads"}
+RUST_GROUND = {"bits", "error", "rng", "volume", "monitor", "threads"}
 AREAS = {"texture", "intensity", "topology", "geometry", "correlation", "transport"}
 RUST_ARROWS = {
+    "bits": set(),
     "error": set(),
     "rng": {"error"},
     "volume": {"error"},

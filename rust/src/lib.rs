@@ -3,6 +3,7 @@
 //! Ground floor: [`error`], [`rng`], [`volume`], [`monitor`], [`threads`]. Above it one module an
 //! area. Only `bindings` (feature `python`) knows Python.
 
+mod bits;
 pub mod correlation;
 pub mod error;
 pub mod geometry;

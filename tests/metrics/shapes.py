@@ -1,6 +1,4 @@
-"""Shapes whose surface and fabric are known."""
-
-"""Shapes of known topology, with an empty border."""
+"""Shapes whose topology, surface or fabric is known."""
 
 from __future__ import annotations
 

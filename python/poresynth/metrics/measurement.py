@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from poresynth.metrics.chords import lineal_path
-from poresynth.metrics.cluster import two_point_cluster
+from poresynth.metrics.correlation import two_point_cluster
 from poresynth.metrics.histograms import channel_statistics
-from poresynth.metrics.local_porosity import local_porosity
 from poresynth.metrics.registry import METRICS, TRANSPORT_METRICS
 from poresynth.metrics.specimen import Specimen
 from poresynth.metrics.structure import Structure, first_channel
+from poresynth.metrics.windows import local_porosity
 from poresynth.volume import Volume, as_volume
 
 __all__ = ["Progress", "measure"]

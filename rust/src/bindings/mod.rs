@@ -8,8 +8,8 @@ mod euler;
 mod geometry;
 mod gray;
 mod intensity;
-mod surface;
 mod skeleton;
+mod surface;
 mod texture;
 mod topology;
 mod transport;
@@ -46,11 +46,7 @@ mod _core {
         local_porosity, novelty, run_lengths, two_point, two_point_cluster, two_point_map,
     };
     #[pymodule_export]
-    use super::correlation::{novelty, two_point};
-    #[pymodule_export]
     use super::euler::{euler_corrected, euler_number};
-    #[pymodule_export]
-    use super::geometry::signed_distance;
     #[pymodule_export]
     use super::geometry::{distance_transform, local_thickness, signed_distance};
     #[pymodule_export]

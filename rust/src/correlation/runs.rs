@@ -5,6 +5,7 @@
 use ndarray::{ArrayView3, s};
 use rayon::prelude::*;
 
+use crate::bits::pack_row;
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 use crate::volume::Boundary;
@@ -96,8 +97,6 @@ pub fn run_lengths(
 
 /// The rows, one bit a voxel, in whole words.
 fn pack(solid: ArrayView3<'_, bool>, monitor: &Monitor<'_>) -> Result<Vec<u64>> {
-    /// Gathers the lowest bits of eight bytes in the top byte of the product.
-    const GATHER: u64 = 0x0102_0408_1020_4080;
     let (nz, ny, nx) = solid.dim();
     let words = nx.div_ceil(64);
     let mut packed = vec![0u64; nz * ny * words];
@@ -114,16 +113,7 @@ fn pack(solid: ArrayView3<'_, bool>, monitor: &Monitor<'_>) -> Result<Vec<u64>> 
                     copy.extend(row);
                     copy.as_slice()
                 };
-                for (word, voxels) in packed.iter_mut().zip(row.chunks(64)) {
-                    let (eights, rest) = voxels.as_chunks::<8>();
-                    for (i, eight) in eights.iter().enumerate() {
-                        let bytes = u64::from_le_bytes(eight.map(u8::from));
-                        *word |= (bytes.wrapping_mul(GATHER) >> 56) << (8 * i);
-                    }
-                    for (i, &voxel) in rest.iter().enumerate() {
-                        *word |= u64::from(voxel) << (8 * eights.len() + i);
-                    }
-                }
+                pack_row(row, packed);
             }
             Ok(())
         },

@@ -1,5 +1,4 @@
-//! Distances, surfaces, directions.
-//! Distances and thickness.
+//! Distances, thicknesses, surfaces and directions.
 
 pub mod changes;
 pub mod configurations;
@@ -9,10 +8,8 @@ pub mod marching_cubes;
 mod packed;
 pub mod secants;
 pub mod surface;
-
-pub use distance::{capped_distance, signed_distance};
-pub use packed::Step;
 pub mod thickness;
 
 pub use distance::{distance_transform, signed_distance};
+pub use packed::Step;
 pub use thickness::local_thickness;

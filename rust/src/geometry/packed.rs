@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use ndarray::ArrayView3;
 
+use crate::bits::pack_row;
 use crate::volume::{Boundary, Shape};
 
 /// A step from voxel to voxel along (z, y, x).
@@ -103,11 +104,11 @@ impl<'a> Window<'a> {
         let rows = planes[own.clone()].chunks_exact_mut(words);
         for (to, from) in rows.zip(plane.outer_iter()) {
             if let Some(row) = from.as_slice() {
-                pack(row, to);
+                pack_row(row, to);
             } else {
                 self.row.clear();
                 self.row.extend(from);
-                pack(&self.row, to);
+                pack_row(&self.row, to);
             }
         }
         let periodic = boundary == Boundary::Periodic;
@@ -135,24 +136,6 @@ impl<'a> Window<'a> {
         let plane = z % (reach + 1) * (reach + 1) + x as usize;
         let row = plane * self.layout.rows() + (y + reach as isize) as usize;
         &self.words[row * words..(row + count) * words]
-    }
-}
-
-/// Bit i of the words is voxel i; the last word ends with zeros.
-fn pack(voxels: &[bool], words: &mut [u64]) {
-    /// Gathers the lowest bits of eight bytes in the top byte of the product.
-    const GATHER: u64 = 0x0102_0408_1020_4080;
-    for (voxels, word) in voxels.chunks(64).zip(words) {
-        let (eights, rest) = voxels.as_chunks::<8>();
-        let mut bits = 0;
-        for (i, eight) in eights.iter().enumerate() {
-            let bytes = u64::from_le_bytes(eight.map(u8::from));
-            bits |= (bytes.wrapping_mul(GATHER) >> 56) << (8 * i);
-        }
-        for (i, &voxel) in rest.iter().enumerate() {
-            bits |= u64::from(voxel) << (8 * eights.len() + i);
-        }
-        *word = bits;
     }
 }
 

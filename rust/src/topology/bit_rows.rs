@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use ndarray::{ArrayView3, ArrayViewMut3, Axis, s};
 use rayon::prelude::*;
 
-use super::labelling;
 use super::simple_point::Word;
+use crate::bits::pack as pack_word;
 use crate::error::Result;
 use crate::monitor::Monitor;
 
@@ -145,7 +145,7 @@ pub(super) fn pack(
             for (to, row) in to[words..].chunks_exact_mut(words).zip(block.rows()) {
                 if let Some(row) = row.as_slice() {
                     for (to, voxels) in to.iter_mut().zip(row.chunks(BITS)) {
-                        *to = labelling::pack(voxels);
+                        *to = pack_word(voxels);
                     }
                 } else {
                     for (x, &voxel) in row.iter().enumerate() {

@@ -1,8 +1,8 @@
 //! Which runs touch.
 
-use super::bits::WORD;
 use super::labelling::Connectivity;
 use super::runs::{PlaneRows, RowBits, Run};
+use crate::bits::WORD;
 
 /// Unites the runs of a plane with each other, if they are not yet, and with those of the plane
 /// below.

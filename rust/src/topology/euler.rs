@@ -16,8 +16,8 @@ use std::ops::Range;
 use ndarray::{ArrayView2, ArrayView3, Axis, s};
 use rayon::prelude::*;
 
-use super::bits::{WORD, pack_row};
 use super::labelling::Connectivity;
+use crate::bits::{WORD, pack_row};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 use crate::volume::Boundary;

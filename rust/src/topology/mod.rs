@@ -1,6 +1,6 @@
 //! What is connected to what.
 
-mod bits;
+mod bit_rows;
 mod contacts;
 pub mod euler;
 mod forest;
@@ -8,9 +8,7 @@ pub mod labelling;
 pub mod parts;
 mod runs;
 mod seams;
-pub mod statistics;
-mod bit_rows;
-pub mod labelling;
 mod simple_point;
 pub mod skeleton_graph;
+pub mod statistics;
 pub mod thinning;

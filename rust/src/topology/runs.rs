@@ -2,7 +2,7 @@
 
 use ndarray::ArrayView3;
 
-use super::bits::{WORD, pack_row};
+use crate::bits::{WORD, pack_row};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 

@@ -1,11 +1,11 @@
 //! Rows of voxels as bits of words.
 
 /// Voxels in a word.
-pub(super) const WORD: usize = 64;
+pub(crate) const WORD: usize = 64;
 
 /// Bit i is voxel i, for up to 64 voxels.
 #[inline(always)]
-pub(super) fn pack(voxels: &[bool]) -> u64 {
+pub(crate) fn pack(voxels: &[bool]) -> u64 {
     /// Gathers the lowest bits of eight bytes in the top byte of the product.
     const GATHER: u64 = 0x0102_0408_1020_4080;
     let (eights, rest) = voxels.as_chunks::<8>();
@@ -23,7 +23,7 @@ pub(super) fn pack(voxels: &[bool]) -> u64 {
 
 /// Writes a row to `words`, which must be as many as it fills.
 #[inline(always)]
-pub(super) fn pack_row(row: &[bool], words: &mut [u64]) {
+pub(crate) fn pack_row(row: &[bool], words: &mut [u64]) {
     let (full, rest) = row.as_chunks::<WORD>();
     for (word, voxels) in words.iter_mut().zip(full) {
         *word = pack(voxels);
