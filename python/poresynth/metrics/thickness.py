@@ -151,14 +151,15 @@ def local_thickness(
 
     A slab of t voxels across an axis thus has the thickness t, odd or even, in either phase. A
     curved or slanted surface has voxels outside that lie closer than half a voxel: a ball of 24
-    voxels across measures about 4 % less. Measures with 2 D instead make an odd slab
-    one voxel thicker; those with 2 D − 1 at voxels only make an even slab one voxel thinner.
+    voxels across measures about 4 % less, one of 12 voxels 8 %. Measures with 2 D instead make an
+    odd slab one voxel thicker; those with 2 D − 1 at voxels only make an even slab one voxel
+    thinner.
 
     If voxels are no cubes, half a voxel is D / 2K, where K is the distance counted in voxels: half
     an edge along an axis, something between for other directions.
 
-    Peak memory: 12 bytes a voxel with the result, 16 if voxels are no cubes, and 40 bytes a ball
-    that is not part of a neighbour's (one in ten voxels of fine structures).
+    Peak memory: 12 bytes a voxel with the result, 16 if voxels are no cubes, and 20 bytes a ball
+    that is not part of a neighbour's.
     """
     size = scale_of(solid, voxel_size).voxel_size
     array = as_phase(solid, phase=phase)
@@ -313,17 +314,19 @@ def pore_size_distribution(
     array = ~as_phase(solid, phase=phase)
     found, values = _distribution(array, scale.voxel_size, scale.unit, boundary, bin_width, threads)
     shares = found.shares
-    deciles = [float("nan")] * 3
+    d10 = d50 = d90 = float("nan")
     if len(values):
         ranks = [-(-share * len(values) // 10) - 1 for share in (1, 5, 9)]
-        deciles = [float(v) for v in np.partition(values, ranks)[ranks]]
+        d10, d50, d90 = (float(v) for v in np.partition(values, ranks)[ranks])
     return PoreSizeDistribution(
-        found.edges,
-        shares,
-        np.asarray(shares / np.diff(found.edges)),
-        np.concatenate([[0.0], np.cumsum(found.voxels) / max(int(found.voxels.sum()), 1)]),
-        found.mean,
-        *deciles,
+        edges=found.edges,
+        shares=shares,
+        density=np.asarray(shares / np.diff(found.edges)),
+        cumulative=np.concatenate([[0.0], np.cumsum(found.voxels) / max(found.voxels.sum(), 1)]),
+        mean=found.mean,
+        d10=d10,
+        d50=d50,
+        d90=d90,
         unit=found.unit,
     )
 
@@ -354,6 +357,6 @@ def _distribution(
         allowed = f"must give fewer than {MOST_BINS} bins up to {largest:g} {unit}"
         raise ParameterError("bin_width", width, allowed)
     voxels = np.bincount(bins.astype(np.int32))
-    edges = width * np.arange(len(voxels) + 1)
+    edges = width * np.arange(len(voxels) + 1, dtype=float)
     mean, deviation = float(values.mean(dtype=float)), float(values.std(dtype=float))
     return Thickness(mean, deviation, largest, edges, voxels, unit), values
