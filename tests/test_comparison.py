@@ -113,8 +113,10 @@ def test_what_is_compared_with_what_is_of_one_size(comparison: Comparison) -> No
 
 def test_another_specimen_passes(comparison: Comparison) -> None:
     judged = {name: f.mark for name, f in comparison.figures.items() if f.mark != "info"}
-    noisy = {name for name in judged if name.startswith("novelty")}
-    assert {name for name, mark in judged.items() if mark != "pass"} <= noisy
+    structure = [mark for name, mark in judged.items() if not name.startswith("novelty")]
+    # Parts of one small specimen differ less than two specimens do.
+    assert "off" not in structure
+    assert structure.count("pass") >= len(structure) - 2
 
 
 def test_a_copy_passes_everything_but_novelty(exemplar: Volume) -> None:

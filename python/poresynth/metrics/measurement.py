@@ -15,7 +15,7 @@ from poresynth.metrics.histograms import channel_statistics
 from poresynth.metrics.registry import METRICS, TRANSPORT_METRICS
 from poresynth.metrics.specimen import Specimen
 from poresynth.metrics.structure import Structure, first_channel
-from poresynth.metrics.windows import local_porosity
+from poresynth.metrics.windows import EDGES, local_porosity
 from poresynth.volume import Volume, as_volume
 
 __all__ = ["Progress", "measure"]
@@ -139,7 +139,8 @@ def _curves(s: Specimen) -> Mapping[str, Any]:
     correlation = s.two_point
     cluster = two_point_cluster(s.solid, threads=s.threads)
     paths = [lineal_path(phase, threads=s.threads) for phase in (s.solid, s.pore)]
-    local = local_porosity(s.solid, threads=s.threads)
+    edges = [edge for edge in EDGES if edge <= min(s.solid.shape)] or [min(s.solid.shape)]
+    local = local_porosity(s.solid, edges, threads=s.threads)
     curves = {
         "two_point_r": correlation.r,
         "two_point": correlation.radial,
@@ -148,7 +149,7 @@ def _curves(s: Specimen) -> Mapping[str, Any]:
         "lineal_path_r": paths[0].r,
         "lineal_path_solid": paths[0].mean,
         "lineal_path_pore": paths[1].mean,
-        "local_porosity_windows": local.windows,
+        "local_porosity_windows": edges,
         "local_porosity_variance": local.variance,
     }
     for name, thickness in (("tb_th", s.thickness), ("tb_sp", s.separation)):

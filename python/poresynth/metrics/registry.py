@@ -63,6 +63,10 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
+def _fabric(specimen: Specimen, name: str) -> float:
+    return _number(None if specimen.fabric is None else getattr(specimen.fabric, name))
+
+
 def _mean(values: npt.NDArray[np.float64]) -> float:
     finite = values[np.isfinite(values)]
     return float(finite.mean()) if len(finite) else float("nan")
@@ -143,17 +147,17 @@ _TABLE = (
     ),
     Metric(
         "mil_mean",
-        lambda s: s.fabric.mil_mean,
+        lambda s: _fabric(s, "mil_mean"),
         "mean intercept length, all directions",
         power=1,
         tolerance=_USUAL,
     ),
-    Metric("mil_z", lambda s: s.fabric.mil_z, "mean intercept length along z", power=1),
-    Metric("mil_y", lambda s: s.fabric.mil_y, "mean intercept length along y", power=1),
-    Metric("mil_x", lambda s: s.fabric.mil_x, "mean intercept length along x", power=1),
+    Metric("mil_z", lambda s: _fabric(s, "mil_z"), "mean intercept length along z", power=1),
+    Metric("mil_y", lambda s: _fabric(s, "mil_y"), "mean intercept length along y", power=1),
+    Metric("mil_x", lambda s: _fabric(s, "mil_x"), "mean intercept length along x", power=1),
     Metric(
         "mil_anisotropy",
-        lambda s: s.fabric.degree_of_anisotropy,
+        lambda s: _fabric(s, "degree_of_anisotropy"),
         "DA: 0 isotropic, 1 all in one direction",
         tolerance=_USUAL,
     ),

@@ -151,8 +151,10 @@ class Specimen:
         )
 
     @cached_property
-    def fabric(self) -> Fabric:
-        """Mean intercept lengths of the solid."""
+    def fabric(self) -> Fabric | None:
+        """Mean intercept lengths of the solid; a single plane has none."""
+        if min(self.solid.shape) < 2:
+            return None
         return mean_intercept_length(self.solid, **self.options)
 
     @cached_property
