@@ -125,10 +125,10 @@ def _add(found: dict[str, Any], whole: Volume, name: str, value: float, power: i
         found[f"{name}_in_unit"] = None if number is None else number * edge**power
 
 
-def json_number(value: float) -> float | None:
+def json_number(value: float | None) -> float | None:
     """Return a number that JSON can hold: None for NaN and the infinite."""
     plain = value.item() if isinstance(value, np.generic) else value
-    return plain if math.isfinite(plain) else None
+    return plain if plain is not None and math.isfinite(plain) else None
 
 
 def _listed(values: Sequence[float] | npt.NDArray[Any]) -> list[float | None]:

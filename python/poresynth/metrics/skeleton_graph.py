@@ -11,6 +11,7 @@ import numpy.typing as npt
 from poresynth import _core
 from poresynth.errors import MissingExtraError, ParameterError
 from poresynth.metrics.arguments import PhaseLike, as_phase, scale_of
+from poresynth.metrics.distance import distance_transform
 
 __all__ = ["Branches", "Nodes", "SkeletonGraph", "skeleton_graph"]
 
@@ -285,7 +286,8 @@ def skeleton_graph(
     elif solid is not None:
         thick = as_phase(solid, "solid", phase)
         _check_shape("solid", thick.shape, thin.shape)
-        values = 2 * _distance(thick, scale.voxel_size) - float(np.mean(scale.voxel_size))
+        distance = distance_transform(thick, voxel_size=scale.voxel_size, threads=threads)
+        values = 2 * distance - float(np.mean(scale.voxel_size))
     centroid, kinds, size, ends, length, voxels, starts = _core.skeleton_graph(
         thin, scale.voxel_size, threads=threads
     )
@@ -308,15 +310,6 @@ def skeleton_graph(
 def _check_shape(name: str, shape: tuple[int, ...], wanted: tuple[int, ...]) -> None:
     if shape != wanted:
         raise ParameterError(f"{name}.shape", shape, f"must be that of the skeleton, {wanted}")
-
-
-def _distance(solid: npt.NDArray[np.bool_], voxel_size: tuple[float, float, float]) -> _Floats:
-    """Return each solid voxel's distance to the nearest void voxel; infinite if there is none."""
-    from scipy import ndimage
-
-    if solid.all():
-        return np.full(solid.shape, np.inf)
-    return np.asarray(ndimage.distance_transform_edt(solid, sampling=voxel_size))
 
 
 def _components(ends: _Ints, count: int) -> _Ints:

@@ -145,10 +145,8 @@ class Specimen:
     def morphometry(self) -> Morphometry:
         """Surface and what follows of it, with the thickness and the separation."""
         lengths = (self.thickness.mean, self.separation.mean)
-        known = (length if math.isfinite(length) else None for length in lengths)
-        return morphometry(
-            self.solid, **dict(zip(("thickness", "separation"), known, strict=True)), **self.options
-        )
+        solid, pore = (length if math.isfinite(length) else None for length in lengths)
+        return morphometry(self.solid, thickness=solid, separation=pore, **self.options)
 
     @cached_property
     def fabric(self) -> Fabric | None:

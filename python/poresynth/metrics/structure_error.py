@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -121,7 +122,7 @@ def structure_error(
     cubes, thicknesses are exact local ones. Peak memory: 18 bytes a voxel of a window.
     """
     own = as_phase(exemplar, "exemplar")
-    given = volumes if isinstance(volumes, (list, tuple)) else [volumes]
+    given: Sequence[Any] = volumes if isinstance(volumes, (list, tuple)) else [volumes]
     others = [as_phase(volume, "volumes") for volume in given]
     if not others:
         raise ParameterError("volumes", given, "must hold at least one volume")
