@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from poresynth.comparison import Curve, Histogram
+from poresynth.comparison import Curve, Histogram, Samples
 from poresynth.report import figures
 
 R = list(range(11))
@@ -64,3 +64,14 @@ def test_each_level_and_window_is_named_once() -> None:
 def test_energies_that_fall_far_are_drawn_logarithmically() -> None:
     assert axes_of("energy").get_yscale() == "log"
     assert axes_of("one energy of 0").get_yscale() == "linear"
+
+
+def test_boxes_are_drawn_also_where_values_are_missing() -> None:
+    samples = {
+        "tb_th": Samples([4.0, 5.0, 6.0], [5.0, NAN, 50.0]),
+        "tb_sp": Samples([NAN, NAN], [1.0, 2.0]),
+        "euler_density": Samples([-1.0, -1.0], [-1.0, -1.0]),
+    }
+    axes = Figure().add_subplot()
+    figures.boxes(samples)(axes, figures.LIGHT)
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["Tb.Th", "Euler density"]

@@ -80,8 +80,8 @@ def as_phase(
         its values are the phase is for `poresynth.binarize` to say.
     """
     array = as_scalar_volume(solid, name)
-    if array.dtype == bool and phase is None:
-        return array
+    if array.dtype == bool and phase in (None, 0, 1):
+        return ~array if phase == 0 else array
     # Most gray volumes say so in their first planes.
     values = np.empty(0, array.dtype)
     for plane in array:
@@ -90,7 +90,7 @@ def as_phase(
             what = f"gray volume of more than {MOST_LABELS} values"
             raise ParameterError(name, what, "must be a phase; cut it with poresynth.binarize")
     if phase is not None:
-        if phase not in ((0, 1) if array.dtype == bool else values):
+        if phase not in values:
             raise ParameterError("phase", phase, f"must be one of the values {values.tolist()}")
         return np.asarray(array == phase)
     if array.dtype == np.uint8 and values[-1] <= 1:

@@ -93,7 +93,12 @@ _TABLE = (
         tolerance=_USUAL,
     ),
     Metric("porosity", lambda s: 1 - float(s.solid.mean()), "share of the volume that is pore"),
-    Metric("bv_tv", lambda s: s.morphometry.bv_tv, "BV/TV: share of the volume that is solid"),
+    Metric(
+        "bv_tv",
+        lambda s: s.morphometry.bv_tv,
+        "BV/TV: share of the volume that is solid",
+        tolerance=_USUAL,
+    ),
     Metric(
         "bs_bv",
         lambda s: s.morphometry.bs_bv,
