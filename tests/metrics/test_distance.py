@@ -129,3 +129,16 @@ def test_bad_parameters_are_named(options: dict[str, object], parameter: str) ->
         metrics.distance_transform(np.ones((2, 2, 2), bool), **options)
     with pytest.raises(ParameterError, match="shape"):
         metrics.distance_transform(np.ones((1, 1, 70_000), bool))
+
+
+def test_distances_are_those_of_itk(rng: np.random.Generator) -> None:
+    itk = pytest.importorskip("SimpleITK")
+    solid = ndimage.gaussian_filter(rng.standard_normal((20, 24, 28)), 2) > 0
+    image = itk.GetImageFromArray(solid.astype(np.uint8))
+    image.SetSpacing((1.0, 1.5, 2.0))  # ITK counts axes from x
+    outside = itk.SignedMaurerDistanceMap(
+        image == 0, insideIsPositive=False, squaredDistance=False, useImageSpacing=True
+    )
+    expected = itk.GetArrayFromImage(outside)[solid]
+    found = metrics.distance_transform(solid, voxel_size=(2.0, 1.5, 1.0))[solid]
+    assert found == pytest.approx(expected, rel=1e-5)

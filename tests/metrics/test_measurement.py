@@ -158,3 +158,49 @@ def test_a_threshold_is_obeyed() -> None:
 def test_bad_input_is_named(volume: np.ndarray, options: dict[str, object], message: str) -> None:
     with pytest.raises(ParameterError, match=f"^{message}"):
         metrics.measure(volume, **options)
+
+
+# Thinning visits voxels in an order: where its skeleton lies, and the short spurs at rough places,
+# depend on the directions of the axes. What is connected to what does not.
+OF_THE_SKELETON = {
+    "end_point_density",
+    "branches",
+    "junctions",
+    "loops",
+    "branch_length",
+    "branch_tortuosity",
+}
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("order", [(1, 2, 0), (2, 1, 0), (0, 2, 1)])
+def test_a_turned_or_mirrored_volume_measures_alike(seed: int, order: tuple[int, int, int]) -> None:
+    from scipy import ndimage
+
+    noise = np.random.default_rng(seed).standard_normal((26, 30, 34))
+    solid = ndimage.gaussian_filter(noise, 2, mode="nearest") > 0.02
+    turned = np.transpose(solid, order)[::-1, :, ::-1]
+    before, after = metrics.measure(solid), metrics.measure(turned)
+    for name in metrics.METRICS:
+        same = name
+        if name[-2:] in ("_z", "_y", "_x"):
+            same = name[:-1] + "zyx"[order["zyx".index(name[-1])]]
+        elif name in OF_THE_SKELETON:
+            continue
+        assert after[name] == pytest.approx(before[same], rel=1e-5), name
+
+
+def test_void_round_a_volume_changes_what_it_must() -> None:
+    from scipy import ndimage
+
+    noise = np.random.default_rng(2).standard_normal((24, 24, 24))
+    solid = np.pad(ndimage.gaussian_filter(noise, 2) > 0.02, 8)
+    before, after = metrics.measure(solid), metrics.measure(np.pad(solid, 4))
+    grown = (32 + 16) ** 3 / 40**3
+    assert after["porosity"] == pytest.approx(1 - (1 - before["porosity"]) / grown)
+    for name in ("bs_bv", "tb_th", "tb_th_sd", "tb_th_max", "solid_chord", "euler_number"):
+        assert after[name] == pytest.approx(before[name], rel=0.02 if name == "bs_bv" else 1e-6), (
+            name
+        )
+    for name in ("components", "floating_parts", "betti_0", "betti_1", "betti_2", "branches"):
+        assert after[name] == before[name], name
