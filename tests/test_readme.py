@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from poresynth import config, io
+from poresynth import config, io, metrics
 from poresynth.cli import main
 from poresynth.exemplars import spinodal
 from poresynth.io.registry import formats
@@ -87,6 +87,13 @@ def test_the_formats_are_those_of_the_registry() -> None:
         name = format_.name.removeprefix("a ")
         row = next(line for line in table.splitlines() if name in line)
         assert (format_.extra or "") in row
+
+
+def test_the_metrics_that_are_listed_exist() -> None:
+    table = TEXT.split("## Measuring a volume")[1].split("```")[0]
+    names = re.findall(r"`(\w+)`", table)
+    assert len(names) > 20
+    assert [name for name in names if not hasattr(metrics, name)] == []
 
 
 def test_the_tables_have_their_places() -> None:
