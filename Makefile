@@ -34,10 +34,10 @@ format: $(VENV)/installed-all ## format the Rust and the Python code
 	$(BIN)/ruff format
 
 bench: $(VENV)/installed-all ## all benchmarks; writes the tables of README.md
-	cargo bench
+	cargo bench -- --warm-up-time 0.3 --measurement-time 0.5 --sample-size 10
 	$(BIN)/python benches/python/run.py
 	$(BIN)/python benches/python/results.py --presets quality fast
-	$(BIN)/python benches/python/results.py --presets paper --edge 48
+	$(BIN)/python benches/python/results.py --presets paper --edge 80
 
 wheel-test: $(VENV)/installed ## the wheel alone in an empty environment: no torch, a synthesis
 	rm -rf dist target/wheel-test

@@ -1,6 +1,6 @@
 """Race poresynth against public libraries, all in one run, as ratios.
 
-    python benches/python/run.py [--races WORD …] [--large] [--repeats 7]
+    python benches/python/run.py [--races WORD …] [--large] [--repeats 3]
 
 Figures go to benches/results/bench.json, and from there into README.md. A race that is not run
 keeps the figures that it has.
@@ -62,8 +62,10 @@ def amount(count: float | None) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--races", nargs="+", default=[""], help="parts of titles")
-    parser.add_argument("--large", action="store_true", help="larger inputs too: many minutes")
-    parser.add_argument("--repeats", type=int, default=7)
+    parser.add_argument(
+        "--large", action="store_true", help="larger inputs too, once each: many minutes"
+    )
+    parser.add_argument("--repeats", type=int, default=3, help="of sizes that are not large")
     arguments = parser.parse_args()
     load_races()
     chosen = [
@@ -72,7 +74,7 @@ def main() -> None:
     rows = {(row["race"], row["size"], row["contestant"]): row for row in load("bench")}
     for race in chosen:
         for size in race.sizes + (race.large if arguments.large else ()):
-            for row in race.run(size, arguments.repeats):
+            for row in race.run(size, 1 if size in race.large else arguments.repeats):
                 rows[row["race"], row["size"], row["contestant"]] = row
                 print(
                     f"{row['race']}, {size}³, {row['contestant']}: {duration(row['seconds'])}, "

@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from inputs import blobs
+from inputs import blobs, foam
 from race import Race
 
-import poresynth.exemplars
 import poresynth.metrics
-
-
-def foam(edge: int) -> np.ndarray:
-    return poresynth.binarize(poresynth.exemplars.foam((edge,) * 3))
 
 
 def same_statistics(ours: list[np.ndarray], theirs: list[np.ndarray]) -> bool:
@@ -29,8 +24,8 @@ races = [
 dust = Race("parts of fewer than 10 voxels removed", lambda edge: [blobs(edge)], np.array_equal)
 
 
-def ours(solid: np.ndarray) -> list[np.ndarray]:
-    found = poresynth.metrics.component_statistics(solid)
+def ours(solid: np.ndarray, threads: int = 0) -> list[np.ndarray]:
+    found = poresynth.metrics.component_statistics(solid, threads=threads)
     return [found.sizes, found.bounding_boxes.reshape(-1, 6), found.centroids]
 
 
@@ -61,8 +56,8 @@ for each in races:
 
 
 @dust.contestant("poresynth")
-def _(solid: np.ndarray) -> np.ndarray:
-    return poresynth.metrics.remove_small_parts(solid, 10)
+def _(solid: np.ndarray, threads: int = 0) -> np.ndarray:
+    return poresynth.metrics.remove_small_parts(solid, 10, threads=threads)
 
 
 @dust.contestant("cc3d", "connected-components-3d")

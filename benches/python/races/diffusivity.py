@@ -12,14 +12,14 @@ race = Race(
     "tortuosity factor",
     lambda edge: [blobs(edge)],
     lambda ours, theirs: abs(theirs / ours - 1) < 0.02,
-    sizes=(64, 128),
+    sizes=(128,),
     large=(200,),
 )
 
 
 @race.contestant("poresynth")
-def _(solid: np.ndarray) -> float:
-    return effective_diffusivity(solid).tortuosity
+def _(solid: np.ndarray, threads: int = 0) -> float:
+    return effective_diffusivity(solid, threads=threads).tortuosity
 
 
 @race.contestant("TauFactor", "taufactor")

@@ -3,19 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from inputs import blobs
+from inputs import blobs, pores
 from race import Race
 
 import poresynth.metrics
-from poresynth import exemplars
-
-CELL = 40.0
-
-
-def pores(edge: int) -> np.ndarray:
-    """The pores of a foam, up to about 20 voxels from the nearest wall."""
-    shape = (max(edge, 40),) * 3
-    return np.asarray(exemplars.foam(shape, cell=min(CELL, edge / 2), seed=1)) < 128
 
 
 def same(ours: np.ndarray, theirs: np.ndarray) -> bool:
@@ -30,8 +21,8 @@ RACES = [
 for race in RACES:
 
     @race.contestant("poresynth")
-    def _(solid: np.ndarray) -> np.ndarray:
-        return poresynth.metrics.distance_transform(solid)
+    def _(solid: np.ndarray, threads: int = 0) -> np.ndarray:
+        return poresynth.metrics.distance_transform(solid, threads=threads)
 
     @race.contestant("edt", "edt")
     def _(solid: np.ndarray) -> np.ndarray:

@@ -19,8 +19,8 @@ race = Race(
 
 
 @race.contestant("poresynth")
-def _(solid: np.ndarray) -> int:
-    return poresynth.metrics.euler_number(solid)
+def _(solid: np.ndarray, threads: int = 0) -> int:
+    return poresynth.metrics.euler_number(solid, threads=threads)
 
 
 @race.contestant("scikit-image")

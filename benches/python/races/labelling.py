@@ -24,8 +24,8 @@ sizes = Race("sizes of 26-connected components", lambda edge: [blobs(edge)], sam
 
 
 @labels.contestant("poresynth")
-def _(solid: np.ndarray) -> np.ndarray:
-    return poresynth.metrics.label(solid).labels
+def _(solid: np.ndarray, threads: int = 0) -> np.ndarray:
+    return poresynth.metrics.label(solid, threads=threads).labels
 
 
 @labels.contestant("cc3d", "connected-components-3d")
@@ -50,8 +50,8 @@ def label_skimage(solid: np.ndarray) -> np.ndarray:
 
 
 @sizes.contestant("poresynth")
-def _(solid: np.ndarray) -> np.ndarray:
-    return poresynth.metrics.component_sizes(solid)
+def _(solid: np.ndarray, threads: int = 0) -> np.ndarray:
+    return poresynth.metrics.component_sizes(solid, threads=threads)
 
 
 @sizes.contestant("cc3d", "connected-components-3d")

@@ -29,8 +29,8 @@ paths = Race(
 
 
 @paths.contestant("poresynth")
-def _(solid: np.ndarray) -> np.ndarray:
-    return poresynth.metrics.lineal_path(solid).mean
+def _(solid: np.ndarray, threads: int = 0) -> np.ndarray:
+    return poresynth.metrics.lineal_path(solid, threads=threads).mean
 
 
 @paths.contestant("NumPy, run lengths", "numpy")

@@ -29,8 +29,8 @@ bytes_ = Race(
 
 
 @floats.contestant("poresynth")
-def match(source: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    return poresynth.metrics.match_histogram(source, reference)
+def match(source: np.ndarray, reference: np.ndarray, threads: int = 0) -> np.ndarray:
+    return poresynth.metrics.match_histogram(source, reference, threads=threads)
 
 
 @floats.contestant("scikit-image")

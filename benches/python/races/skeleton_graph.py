@@ -19,8 +19,8 @@ race = Race(
 
 
 @race.contestant("poresynth")
-def _(skeleton: np.ndarray) -> int:
-    table = poresynth.metrics.skeleton_graph(skeleton).to_table()
+def _(skeleton: np.ndarray, threads: int = 0) -> int:
+    table = poresynth.metrics.skeleton_graph(skeleton, threads=threads).to_table()
     return len(np.unique(table["skeleton-id"]))
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from inputs import blobs
+from inputs import blobs, pores
 from race import Race
-from races.distance import pores
 
 import poresynth.metrics
 
@@ -23,8 +22,8 @@ RACES = [
 for race in RACES:
 
     @race.contestant("poresynth")
-    def _(solid: np.ndarray) -> np.ndarray:
-        return poresynth.metrics.local_thickness(solid)
+    def _(solid: np.ndarray, threads: int = 0) -> np.ndarray:
+        return poresynth.metrics.local_thickness(solid, threads=threads)
 
     @race.contestant("PoreSpy, balls, whole radii", "porespy", most=256)
     def _(solid: np.ndarray) -> np.ndarray:

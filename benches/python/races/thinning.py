@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from inputs import blobs
+from inputs import blobs, foam
 from race import Race
 
 import poresynth.metrics
-from poresynth import exemplars
-
-
-def foam(edge: int) -> np.ndarray:
-    gray = np.asarray(exemplars.foam((edge,) * 3, cell=24.0, seed=1))
-    return gray > gray.mean()
 
 
 def as_many(ours: np.ndarray, theirs: np.ndarray) -> bool:
@@ -26,8 +20,8 @@ for race in (
 ):
 
     @race.contestant("poresynth")
-    def _(solid: np.ndarray) -> np.ndarray:
-        return poresynth.metrics.skeletonize(solid)
+    def _(solid: np.ndarray, threads: int = 0) -> np.ndarray:
+        return poresynth.metrics.skeletonize(solid, threads=threads)
 
     @race.contestant('poresynth, method="lee"', "poresynth")
     def _(solid: np.ndarray) -> np.ndarray:
