@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from race import OURS, RACES, load_races
+from race import LONG, OURS, RACES, load_races
 from readme import load, machine, save, update_readme
 
 
@@ -43,7 +43,8 @@ def table(rows: list[dict[str, Any]]) -> str:
         lines.append("| " + " | ".join(cells) + " |")
     lines += [
         "",
-        f"Medians of runs in turn, all cores; memory beyond the input. {machine()}. "
+        f"Medians of runs in turn (one, over {LONG:.0f} s), on all cores where not said "
+        f"otherwise; memory beyond the input. {machine()}. "
         "`python benches/python/run.py`",
     ]
     return "\n".join(lines)

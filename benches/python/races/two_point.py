@@ -14,6 +14,7 @@ race = Race(
     lambda edge: [blobs(edge)],
     # PoreSpy bins distances in its own way and returns no curve to compare.
     lambda ours, theirs: theirs is None or np.allclose(ours, theirs, rtol=1e-4),
+    sizes=(128, 256),
 )
 
 

@@ -14,6 +14,7 @@ race = Race(
     lambda edge: [gray(edge) > 0.05],
     lambda ours, theirs: np.allclose(ours, theirs, rtol=1e-4, atol=1e-9),
     sizes=(128,),
+    large=(),
 )
 
 
