@@ -56,8 +56,10 @@ def surface_area(
     voxel_size : float or (float, float, float), optional
         Edges of a voxel along (z, y, x), instead of the volume's own; 1 for plain arrays.
     method : {"crofton", "marching_cubes", "faces"}, default "crofton"
-        Crofton: from the changes of phase along 13 directions; without bias for any tilt of the
-        surface, within 1.5 % for balls of a radius of at least 5 voxels. Marching cubes: the
+        Crofton: from the changes of phase along 13 directions; right on average over the tilts of
+        a surface, within 1.5 % for balls of a radius of at least 5 voxels. A single flat surface
+        comes out between 7 % too small (along an axis) and 2 % too large; ``2 / mil_mean`` of
+        `mean_intercept_length` with 49 directions is within 2.1 % there. Marching cubes: the
         triangles that `skimage.measure.marching_cubes` lays at the level 0.5; about 9 % too large
         for balls. Faces: the faces of voxels, 50 % too large for balls; right for boxes.
     boundary : {"open", "periodic"}, default "open"
