@@ -6,7 +6,6 @@ the exemplar, which says how much one specimen of the material differs from anot
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -22,7 +21,7 @@ from poresynth.metrics.connectivity import FLOATING, largest_share, size_distanc
 from poresynth.metrics.copying import EDGES
 from poresynth.metrics.correlation import R_MAX, relative_error
 from poresynth.metrics.intensity import count_levels
-from poresynth.metrics.registry import METRICS
+from poresynth.metrics.registry import METRICS, finite_mean
 from poresynth.metrics.specimen import Specimen
 from poresynth.metrics.structure import Structure, first_channel
 from poresynth.preprocess import is_two_valued
@@ -199,11 +198,11 @@ def _add_metrics(
     for i, metric in enumerate(chosen):
         own, new = ([float(values[i]) for values in side] for side in sides)
         samples[metric.name] = Samples(own, new)
-        mean = _mean(own)
+        mean = finite_mean(own)
         tolerance = (metric.tolerance or 0.0) * abs(mean)
         figures.add(
             metric.name,
-            _mean(new),
+            finite_mean(new),
             f"{metric.description}; ± {100 * (metric.tolerance or 0):.0f} % passes",
             exemplar=mean,
             parts=own,
@@ -212,11 +211,6 @@ def _add_metrics(
             better=metric.better,
         )
     return samples
-
-
-def _mean(values: list[float]) -> float:
-    known = [value for value in values if math.isfinite(value)]
-    return float(np.mean(known)) if known else float("nan")
 
 
 def _add_structure_error(figures: Figures, e: _Specimen, v: _Specimen, threads: int) -> None:

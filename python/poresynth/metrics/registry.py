@@ -12,7 +12,7 @@ import numpy.typing as npt
 from poresynth.metrics.connectivity import FLOATING, largest_share
 from poresynth.metrics.specimen import AXES, Specimen
 
-__all__ = ["METRICS", "TRANSPORT_METRICS", "Metric", "unit_of"]
+__all__ = ["METRICS", "TRANSPORT_METRICS", "Metric", "finite_mean", "unit_of"]
 
 Better = Literal["equal", "smaller", "larger"]
 
@@ -67,8 +67,10 @@ def _fabric(specimen: Specimen, name: str) -> float:
     return _number(None if specimen.fabric is None else getattr(specimen.fabric, name))
 
 
-def _mean(values: npt.NDArray[np.float64]) -> float:
-    finite = values[np.isfinite(values)]
+def finite_mean(values: npt.ArrayLike) -> float:
+    """Return the mean of the values that are finite; NaN if none is."""
+    array = np.asarray(values, dtype=float)
+    finite = array[np.isfinite(array)]
     return float(finite.mean()) if len(finite) else float("nan")
 
 
@@ -214,14 +216,14 @@ _TABLE = (
     Metric("loops", lambda s: s.graph.loops, "independent loops of the skeleton"),
     Metric(
         "branch_length",
-        lambda s: _mean(s.graph.branches.length),
+        lambda s: finite_mean(s.graph.branches.length),
         "mean length of the skeleton's branches",
         power=1,
         tolerance=_USUAL,
     ),
     Metric(
         "branch_tortuosity",
-        lambda s: _mean(s.graph.branches.tortuosity),
+        lambda s: finite_mean(s.graph.branches.tortuosity),
         "mean of the branches' length over the distance of their ends",
         tolerance=0.05,
     ),
