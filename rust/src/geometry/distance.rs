@@ -2,7 +2,7 @@
 
 mod envelope;
 pub(super) mod transform;
-mod window;
+pub(super) mod window;
 
 use ndarray::{Array3, ArrayView3, ArrayViewMut3, s};
 use rayon::prelude::*;
@@ -34,7 +34,7 @@ pub fn distance_transform(
     let (scale, size) = relative(voxel_size);
     let limit = (cap / scale).powi(2).ceil() as f32;
     let lattice = Lattice { size, half: [false; 3], boundary, limit };
-    let finish = |_, squares: &mut [f32]| roots(squares, scale as f32, cap as f32);
+    let finish = |squares: &mut [f32]| roots(squares, scale as f32, cap as f32);
     squared_distances(outside(phase), &lattice, out.view_mut(), finish, monitor)
 }
 
@@ -150,7 +150,7 @@ fn to_opposite(
     let cap = clip.saturating_add(1) as f32; // so that the half voxel does not show at the clip
     let lattice = Lattice { size: [1.0; 3], half: [false; 3], boundary, limit: cap * cap };
     let mut out = Array3::zeros(phase.dim());
-    let finish = |_, squares: &mut [f32]| roots(squares, 1.0, cap);
+    let finish = |squares: &mut [f32]| roots(squares, 1.0, cap);
     squared_distances(targets, &lattice, out.view_mut(), finish, &Monitor::silent())?;
     Ok(out.into_raw_vec_and_offset().0)
 }

@@ -4,7 +4,7 @@
 //! columns along z by windows over [`LANES`] columns abreast. A window ends where it cannot lower
 //! the largest of its minima; where that is too far, lines go to their [`Envelope`].
 
-use ndarray::{ArrayViewMut2, ArrayViewMut3, Axis, s};
+use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, s};
 use rayon::prelude::*;
 
 use super::envelope::Envelope;
@@ -39,7 +39,7 @@ impl Lattice {
         self.size.iter().zip(&self.half).all(whole)
     }
 
-    fn steps<T: Lane>(&self, axis: usize, n: usize) -> Steps<T> {
+    pub(crate) fn steps<T: Lane>(&self, axis: usize, n: usize) -> Steps<T> {
         let reach = match self.boundary {
             Boundary::Open => n - 1,
             Boundary::Periodic => n / 2 + 1,
@@ -48,24 +48,64 @@ impl Lattice {
     }
 }
 
+/// Squared distances as they are kept between the passes.
+pub(crate) trait Kept<T: Lane>: Copy + Send + Sync + 'static {
+    /// The steps of the passes in planes.
+    fn steps_in_planes(steps: Steps<T>) -> Steps<T>;
+    fn keep(lanes: &[T], kept: &mut [Self]);
+    fn load(kept: &[Self], lanes: &mut [T]);
+    /// The squares themselves; none if those beyond a window cannot be kept.
+    fn squares(kept: &mut [Self]) -> Option<&mut [f32]>;
+}
+
+impl<T: Lane> Kept<T> for f32 {
+    fn steps_in_planes(steps: Steps<T>) -> Steps<T> {
+        steps
+    }
+
+    fn keep(lanes: &[T], kept: &mut [Self]) {
+        T::to_squares(lanes, kept);
+    }
+
+    fn load(kept: &[Self], lanes: &mut [T]) {
+        T::from_squares(kept, lanes);
+    }
+
+    fn squares(kept: &mut [Self]) -> Option<&mut [f32]> {
+        Some(kept)
+    }
+}
+
+impl Kept<Self> for u16 {
+    /// What is too far in its own plane may be near enough in another.
+    fn steps_in_planes(steps: Steps<Self>) -> Steps<Self> {
+        steps.or_far()
+    }
+
+    fn keep(lanes: &[Self], kept: &mut [Self]) {
+        kept.copy_from_slice(&lanes[..kept.len()]);
+    }
+
+    fn load(kept: &[Self], lanes: &mut [Self]) {
+        lanes[..kept.len()].copy_from_slice(kept);
+    }
+
+    fn squares(_: &mut [Self]) -> Option<&mut [f32]> {
+        None
+    }
+}
+
 /// Writes the squared distance of each voxel to the nearest target.
 ///
 /// `targets(z, y, row)` says where in a row the targets are. `finish` gets each part of the result
-/// that is done, the place (z, y, x) of its first voxel along with it.
+/// that is done.
 pub(crate) fn squared_distances(
     targets: impl Fn(usize, usize, &mut [bool]) + Sync,
     lattice: &Lattice,
     out: ArrayViewMut3<'_, f32>,
-    finish: impl Fn([usize; 3], &mut [f32]) + Sync,
+    finish: impl Fn(&mut [f32]) + Sync,
     monitor: &Monitor<'_>,
 ) -> Result<()> {
-    let shape = out.dim();
-    if [shape.0, shape.1, shape.2].into_iter().any(|n| n > LONGEST) {
-        return Err(Error::parameter("shape", shape, format!("must be at most {LONGEST} an axis")));
-    }
-    if out.is_empty() {
-        return Ok(());
-    }
     // Whole numbers are exact up to 2^24; u16 lanes hand over what they cannot hold.
     if lattice.is_whole() {
         run::<u16>(&targets, lattice, out, &finish, monitor)
@@ -78,27 +118,62 @@ fn run<T: Lane>(
     targets: &(impl Fn(usize, usize, &mut [bool]) + Sync),
     lattice: &Lattice,
     mut out: ArrayViewMut3<'_, f32>,
-    finish: &(impl Fn([usize; 3], &mut [f32]) + Sync),
+    finish: &(impl Fn(&mut [f32]) + Sync),
     monitor: &Monitor<'_>,
 ) -> Result<()> {
-    let (nz, ny, nx) = out.dim();
-    let along_x = lattice.steps::<T>(2, nx);
-    out.axis_iter_mut(Axis(0)).into_par_iter().enumerate().try_for_each_init(
-        || Plane::<T>::new(ny, nx, &along_x),
-        |plane, (z, out)| plane.run(|y, row| targets(z, y, row), lattice, &along_x, out, monitor),
-    )?;
+    if !planes::<T, _>(targets, lattice, out.view_mut(), monitor)? {
+        return Ok(()); // there are no voxels
+    }
+    let (nz, _, nx) = out.dim();
     let along_z = lattice.steps::<T>(0, nz);
-    out.axis_iter_mut(Axis(1)).into_par_iter().enumerate().try_for_each_init(
-        || Columns::<T>::new(nz, &along_z),
-        |columns, (y, mut out)| {
+    out.axis_iter_mut(Axis(1)).into_par_iter().try_for_each_init(
+        || Columns::<T, _>::new(nz, &along_z),
+        |columns, mut out| {
             for x in (0..nx).step_by(LANES) {
                 monitor.check()?;
-                let part = out.slice_mut(s![.., x..(x + LANES).min(nx)]);
-                columns.run(lattice, &along_z, part, |z, values| finish([z, y, x], values));
+                let mut part = out.slice_mut(s![.., x..(x + LANES).min(nx)]);
+                columns.load(part.view(), lattice.boundary);
+                columns.lower(lattice, &along_z, part.view());
+                for (mut row, lowered) in
+                    part.rows_mut().into_iter().zip(columns.lowered().chunks(LANES))
+                {
+                    if let Some(row) = row.as_slice_mut() {
+                        row.copy_from_slice(&lowered[..row.len()]);
+                        finish(row);
+                    }
+                }
             }
             Ok(())
         },
     )
+}
+
+/// Writes the squared distance of each voxel to the nearest target in its plane; false if some
+/// cannot be kept, or if there are no voxels.
+pub(crate) fn planes<T: Lane, V: Kept<T>>(
+    targets: impl Fn(usize, usize, &mut [bool]) + Sync,
+    lattice: &Lattice,
+    mut out: ArrayViewMut3<'_, V>,
+    monitor: &Monitor<'_>,
+) -> Result<bool> {
+    let shape = out.dim();
+    if [shape.0, shape.1, shape.2].into_iter().any(|n| n > LONGEST) {
+        return Err(Error::parameter("shape", shape, format!("must be at most {LONGEST} an axis")));
+    }
+    if out.is_empty() {
+        return Ok(false);
+    }
+    let along_x = V::steps_in_planes(lattice.steps(2, shape.2));
+    out.axis_iter_mut(Axis(0))
+        .into_par_iter()
+        .enumerate()
+        .map_init(
+            || Plane::<T>::new(shape.1, shape.2, &along_x),
+            |plane, (z, out)| {
+                plane.run(|y, row| targets(z, y, row), lattice, &along_x, out, monitor)
+            },
+        )
+        .try_reduce(|| true, |a, b| Ok(a && b))
 }
 
 /// Room to work on a plane.
@@ -131,14 +206,15 @@ impl<T: Lane> Plane<T> {
         }
     }
 
-    fn run(
+    /// False if some squares cannot be kept.
+    fn run<V: Kept<T>>(
         &mut self,
         targets: impl Fn(usize, &mut [bool]),
         lattice: &Lattice,
         steps: &Steps<T>,
-        mut out: ArrayViewMut2<'_, f32>,
+        mut out: ArrayViewMut2<'_, V>,
         monitor: &Monitor<'_>,
-    ) -> Result<()> {
+    ) -> Result<bool> {
         let (ny, nx) = out.dim();
         let periodic = lattice.boundary == Boundary::Periodic;
         self.next.fill(u16::MAX);
@@ -171,17 +247,18 @@ impl<T: Lane> Plane<T> {
             if periodic {
                 wrap(&mut self.padded, self.padding, nx, 1);
             }
-            let line = Line { values: &self.padded, start: self.padding, step: 1 };
+            let line = Line { values: &self.padded, start: self.padding, step: 1, width: nx };
             let Some(out) = out.as_slice_mut() else { continue };
             if T::minima(&line, steps, &mut self.least) {
-                T::to_squares(&self.least, out);
+                V::keep(&self.least, out);
             } else {
+                let Some(out) = V::squares(out) else { return Ok(false) };
                 f32::squares_along(since, until, offset, lattice.size[1] as f32, out);
                 let Lattice { size, half, limit, boundary } = *lattice;
                 self.envelope.lower(out, size[2], half[2], limit, boundary);
             }
         }
-        Ok(())
+        Ok(true)
     }
 }
 
@@ -197,64 +274,69 @@ fn wrap<T: Copy>(padded: &mut [T], padding: usize, n: usize, step: usize) {
 }
 
 /// Room to work on [`LANES`] columns.
-struct Columns<T> {
+pub(crate) struct Columns<T, V> {
     padding: usize,
     padded: Vec<T>,
     least: Vec<T>,
-    column: Vec<f32>,
+    lowered: Vec<V>,
+    column: Vec<V>,
     envelope: Envelope,
 }
 
-impl<T: Lane> Columns<T> {
-    fn new(nz: usize, steps: &Steps<T>) -> Self {
+impl<T: Lane, V: Kept<T> + Default> Columns<T, V> {
+    pub(crate) fn new(nz: usize, steps: &Steps<T>) -> Self {
         let padding = padding(steps.farthest());
         Self {
             padding,
             padded: vec![T::FAR; (nz + 2 * padding) * LANES],
             least: vec![T::FAR; nz * LANES],
-            column: vec![0.0; nz],
+            lowered: vec![V::default(); nz * LANES],
+            column: vec![V::default(); nz],
             envelope: Envelope::default(),
         }
     }
 
-    fn run(
-        &mut self,
-        lattice: &Lattice,
-        steps: &Steps<T>,
-        mut part: ArrayViewMut2<'_, f32>,
-        finish: impl Fn(usize, &mut [f32]),
-    ) {
-        let (nz, width) = part.dim();
+    /// Takes columns, of which there may be fewer than [`LANES`].
+    pub(crate) fn load(&mut self, part: ArrayView2<'_, V>, boundary: Boundary) {
         let padded = &mut self.padded[self.padding * LANES..];
         for (row, padded) in part.rows().into_iter().zip(padded.chunks_mut(LANES)) {
             if let Some(row) = row.as_slice() {
-                T::from_squares(row, padded);
+                V::load(row, padded);
             }
         }
-        if lattice.boundary == Boundary::Periodic {
-            wrap(&mut self.padded, self.padding, nz, LANES);
+        if boundary == Boundary::Periodic {
+            wrap(&mut self.padded, self.padding, part.nrows(), LANES);
         }
+    }
+
+    /// Lowers the columns that were loaded, half-way to the next voxel or not; false if squares
+    /// cannot be kept.
+    pub(crate) fn lower(
+        &mut self,
+        lattice: &Lattice,
+        steps: &Steps<T>,
+        part: ArrayView2<'_, V>,
+    ) -> bool {
         let start = self.padding * LANES;
-        let line = Line { values: &self.padded, start, step: LANES };
+        let line = Line { values: &self.padded, start, step: LANES, width: part.ncols() };
         if T::minima(&line, steps, &mut self.least) {
-            for (mut row, least) in part.rows_mut().into_iter().zip(self.least.chunks(LANES)) {
-                if let Some(row) = row.as_slice_mut() {
-                    T::to_squares(least, row);
-                }
-            }
-        } else {
-            let Lattice { size, half, limit, boundary } = *lattice;
-            for x in 0..width {
-                self.column.iter_mut().zip(part.column(x)).for_each(|(to, &from)| *to = from);
-                self.envelope.lower(&mut self.column, size[0], half[0], limit, boundary);
-                part.column_mut(x).iter_mut().zip(&self.column).for_each(|(to, &from)| *to = from);
-            }
+            V::keep(&self.least, &mut self.lowered);
+            return true;
         }
-        for (z, mut row) in part.rows_mut().into_iter().enumerate() {
-            if let Some(row) = row.as_slice_mut() {
-                finish(z, row);
-            }
+        let Lattice { size, half, limit, boundary } = *lattice;
+        for (x, column) in part.columns().into_iter().enumerate() {
+            self.column.iter_mut().zip(column).for_each(|(to, &from)| *to = from);
+            let Some(squares) = V::squares(&mut self.column) else { return false };
+            self.envelope.lower(squares, size[0], half[0], limit, boundary);
+            let places = self.lowered[x..].iter_mut().step_by(LANES);
+            places.zip(&self.column).for_each(|(to, &from)| *to = from);
         }
+        true
+    }
+
+    /// Rows of [`LANES`] columns, as they were lowered last.
+    pub(crate) fn lowered(&self) -> &[V] {
+        &self.lowered
     }
 }
 

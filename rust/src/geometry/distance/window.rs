@@ -3,7 +3,7 @@
 use multiversion::multiversion;
 
 /// Values worked on together: two registers of AVX-512, four of AVX2 for the narrow type.
-pub(super) const LANES: usize = 64;
+pub(crate) const LANES: usize = 64;
 
 /// Farthest step of a window. Beyond, the envelope is no dearer.
 pub(super) const FARTHEST: usize = 255;
@@ -17,13 +17,15 @@ pub(super) const fn padding(steps: usize) -> usize {
 }
 
 /// A squared distance: u16 where all are whole numbers, else f32.
-pub(super) trait Lane: Copy + PartialOrd + Send + Sync + 'static {
+pub(crate) trait Lane: Copy + PartialOrd + Send + Sync + 'static {
     /// No voxel outside, or too far to tell.
     const FAR: Self;
     /// Rounds to the type; too large becomes [`Self::FAR`].
     fn from_square(square: f32) -> Self;
     /// The value; [`Self::FAR`] is infinite.
     fn square(self) -> f32;
+    /// The square of so many steps; no step has no offset, and `u16::MAX` steps are [`Self::FAR`].
+    fn square_of(steps: u16, offset: f32, size: f32) -> Self;
     /// A sum that stops at [`Self::FAR`].
     fn plus(self, other: Self) -> Self;
     /// [`minima`] for this type, with the widest instructions of the processor.
@@ -34,6 +36,8 @@ pub(super) trait Lane: Copy + PartialOrd + Send + Sync + 'static {
     fn to_squares(values: &[Self], out: &mut [f32]);
     /// [`from_squares`] for this type.
     fn from_squares(squares: &[f32], out: &mut [Self]);
+    /// [`raise`] for this type.
+    fn raise(out: &mut [Self], values: &[Self]);
 }
 
 impl Lane for u16 {
@@ -48,6 +52,16 @@ impl Lane for u16 {
     #[inline(always)]
     fn square(self) -> f32 {
         if self == Self::FAR { f32::INFINITY } else { f32::from(self) }
+    }
+
+    #[inline(always)]
+    fn square_of(steps: u16, offset: f32, size: f32) -> Self {
+        // Whole numbers, see `Lattice::is_whole`.
+        let (size, offset) = (size as Self, (offset * size) as Self);
+        let most = (255 - offset) / size;
+        let distance = steps.wrapping_mul(size).wrapping_add(offset);
+        let square = if steps > most { Self::FAR } else { distance.wrapping_mul(distance) };
+        if steps == 0 { 0 } else { square }
     }
 
     #[inline(always)]
@@ -70,6 +84,10 @@ impl Lane for u16 {
     fn from_squares(squares: &[f32], out: &mut [Self]) {
         from_squares_u16(squares, out);
     }
+
+    fn raise(out: &mut [Self], values: &[Self]) {
+        raise_u16(out, values);
+    }
 }
 
 impl Lane for f32 {
@@ -83,6 +101,12 @@ impl Lane for f32 {
     #[inline(always)]
     fn square(self) -> f32 {
         self
+    }
+
+    #[inline(always)]
+    fn square_of(steps: u16, offset: f32, size: f32) -> Self {
+        let distance = if steps == 0 { 0.0 } else { (f32::from(steps) + offset) * size };
+        if steps == u16::MAX { Self::FAR } else { distance * distance }
     }
 
     #[inline(always)]
@@ -105,21 +129,37 @@ impl Lane for f32 {
     fn from_squares(squares: &[f32], out: &mut [Self]) {
         from_squares_f32(squares, out);
     }
+
+    fn raise(out: &mut [Self], values: &[Self]) {
+        raise_f32(out, values);
+    }
 }
 
 /// Lines of squared distances, padded at both ends.
-pub(super) struct Line<'a, T> {
+pub(crate) struct Line<'a, T> {
     /// The values; those beyond an open end are [`Lane::FAR`].
     pub values: &'a [T],
     /// Where the first of them is that a result belongs to.
     pub start: usize,
     /// How far apart neighbours on a line are: 1, or [`LANES`] if there are so many lines abreast.
     pub step: usize,
+    /// How many results of the one line, or of the lines abreast, are asked for: the others, which
+    /// fill up lanes, make no window longer.
+    pub width: usize,
+}
+
+impl<T> Line<'_, T> {
+    /// How many of some lanes are asked for.
+    #[inline(always)]
+    fn asked(&self, at: usize) -> usize {
+        let before = if self.step == 1 { at - self.start } else { 0 };
+        (self.width - before).min(LANES)
+    }
 }
 
 /// The squares that steps away from a voxel cost, or from half-way to the next: such a place is level
 /// with both of its voxels, and half a step farther from all others.
-pub(super) struct Steps<T> {
+pub(crate) struct Steps<T> {
     squares: Vec<T>,
     /// Farthest step of a window.
     farthest: usize,
@@ -129,6 +169,8 @@ pub(super) struct Steps<T> {
     limit: T,
     /// 1 if distances are taken from half-way to the next voxel.
     half: usize,
+    /// Whether results may be [`Lane::FAR`].
+    far: bool,
 }
 
 impl<T: Lane> Steps<T> {
@@ -148,7 +190,13 @@ impl<T: Lane> Steps<T> {
             complete: farthest == reach,
             limit,
             half: usize::from(half),
+            far: false,
         }
+    }
+
+    /// The same, where it is enough to know that a result is too large for the type.
+    pub(super) fn or_far(self) -> Self {
+        Self { far: true, ..self }
     }
 
     /// Farthest step of a window.
@@ -159,7 +207,7 @@ impl<T: Lane> Steps<T> {
 
 /// Functions for one type of lane, each compiled for the widest instructions.
 macro_rules! for_lanes {
-    ($type:ty, $minima:ident, $squares:ident, $to:ident, $from:ident) => {
+    ($type:ty, $minima:ident, $squares:ident, $to:ident, $from:ident, $raise:ident) => {
         #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
         fn $minima(line: &Line<'_, $type>, steps: &Steps<$type>, out: &mut [$type]) -> bool {
             minima(line, steps, out)
@@ -179,19 +227,22 @@ macro_rules! for_lanes {
         fn $from(squares: &[f32], out: &mut [$type]) {
             from_squares(squares, out);
         }
+
+        #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+        fn $raise(out: &mut [$type], values: &[$type]) {
+            raise(out, values);
+        }
     };
 }
 
-for_lanes!(u16, minima_u16, squares_along_u16, to_squares_u16, from_squares_u16);
-for_lanes!(f32, minima_f32, squares_along_f32, to_squares_f32, from_squares_f32);
+for_lanes!(u16, minima_u16, squares_along_u16, to_squares_u16, from_squares_u16, raise_u16);
+for_lanes!(f32, minima_f32, squares_along_f32, to_squares_f32, from_squares_f32, raise_f32);
 
 /// Squared distance of each voxel along an axis, from its steps to either side.
 #[inline(always)]
 fn squares_along<T: Lane>(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [T]) {
     for ((out, &since), &until) in out.iter_mut().zip(since).zip(until) {
-        let steps = smaller(since, until);
-        let distance = if steps == 0 { 0.0 } else { (f32::from(steps) + offset) * size };
-        *out = T::from_square(if steps == u16::MAX { f32::INFINITY } else { distance * distance });
+        *out = T::square_of(smaller(since, until), offset, size);
     }
 }
 
@@ -206,6 +257,14 @@ fn to_squares<T: Lane>(values: &[T], out: &mut [f32]) {
 fn from_squares<T: Lane>(squares: &[f32], out: &mut [T]) {
     for (out, &square) in out.iter_mut().zip(squares) {
         *out = T::from_square(square);
+    }
+}
+
+/// Raises values to those beside them that are larger.
+#[inline(always)]
+fn raise<T: Lane>(out: &mut [T], values: &[T]) {
+    for (out, &value) in out.iter_mut().zip(values) {
+        *out = if value > *out { value } else { *out };
     }
 }
 
@@ -244,20 +303,22 @@ fn minima<T: Lane>(line: &Line<'_, T>, steps: &Steps<T>, out: &mut [T]) -> bool 
     let mut at = line.start;
     for least in out.as_chunks_mut().0 {
         *least = [steps.limit; LANES];
-        let mut most = lower::<T, 1>(least, line, &steps.squares, at, at + ahead);
+        let asked = line.asked(at);
+        let mut most = lower::<T, 1>(least, asked, line, &steps.squares, at, at + ahead);
         let mut k = 1;
         if most > steps.squares[1] && steps.farthest >= 1 {
             let reach = line.step;
-            most = lower::<T, 1>(least, line, &steps.squares[1..], at - reach, at + ahead + reach);
+            let squares = &steps.squares[1..];
+            most = lower::<T, 1>(least, asked, line, squares, at - reach, at + ahead + reach);
             k = 2;
         }
         while most > steps.squares[k] && k <= steps.farthest {
             let reach = k * line.step;
             let squares = &steps.squares[k..];
-            most = lower::<T, STRIDE>(least, line, squares, at - reach, at + ahead + reach);
+            most = lower::<T, STRIDE>(least, asked, line, squares, at - reach, at + ahead + reach);
             k += STRIDE;
         }
-        if most == T::FAR || (most > steps.squares[k] && !steps.complete) {
+        if (most == T::FAR && !steps.far) || (most > steps.squares[k] && !steps.complete) {
             return false;
         }
         at += LANES;
@@ -265,10 +326,12 @@ fn minima<T: Lane>(line: &Line<'_, T>, steps: &Steps<T>, out: &mut [T]) -> bool 
     true
 }
 
-/// Lowers minima by the values at N pairs of places, each a step further out; returns the largest.
+/// Lowers minima by the values at N pairs of places, each a step further out; returns the largest of
+/// those asked for.
 #[inline(always)]
 fn lower<T: Lane, const N: usize>(
     least: &mut [T; LANES],
+    asked: usize,
     line: &Line<'_, T>,
     squares: &[T],
     before: usize,
@@ -287,6 +350,10 @@ fn lower<T: Lane, const N: usize>(
         }
     }
     *least = most;
+    if asked < LANES {
+        let first = most[0];
+        most[asked..].fill(first);
+    }
     largest(&most)
 }
 

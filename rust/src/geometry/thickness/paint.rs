@@ -1,34 +1,33 @@
-//! Painting blocks of a volume with balls, thickest first.
+//! Painting tiles of a volume with balls, thickest first.
 
 use multiversion::multiversion;
 use ndarray::{ArrayView3, ArrayViewMut3, Axis, s};
 
 use super::Space;
-use super::balls::{Balls, Cells, Extent};
+use super::cells::{Cells, Extent, Placed};
+use super::ridge::Ball;
 use crate::error::Result;
 use crate::monitor::Monitor;
 
-/// Edge of the tiles that are worked on in parallel, in voxels.
-pub(super) const TILE: usize = 32;
+/// Edge of a tile in voxels: a row is a word of bits.
+pub(super) const TILE: usize = u64::BITS as usize;
 
-/// Edge of the blocks whose voxels are compared with every ball that reaches them.
-const BLOCK: usize = 8;
+/// Rows that are compared with a ball at once.
+const LANES: usize = 8;
 
-const LANES: usize = 16;
+/// Words of a plane: a few more than there are rows, so that lanes may go on beyond the last.
+const PLANE: usize = TILE + LANES;
 
 /// Cuts a volume into tiles, each with the place of its first voxel.
-pub(super) fn tiles(
-    out: ArrayViewMut3<'_, f32>,
-    edge: usize,
-) -> Vec<([usize; 3], ArrayViewMut3<'_, f32>)> {
+pub(super) fn tiles(out: ArrayViewMut3<'_, f32>) -> Vec<([usize; 3], ArrayViewMut3<'_, f32>)> {
     let mut tiles = vec![([0; 3], out)];
     for axis in 0..3 {
         let mut cut = Vec::new();
         for (mut origin, mut rest) in tiles {
-            while rest.len_of(Axis(axis)) > edge {
-                let (tile, others) = rest.split_at(Axis(axis), edge);
+            while rest.len_of(Axis(axis)) > TILE {
+                let (tile, others) = rest.split_at(Axis(axis), TILE);
                 cut.push((origin, tile));
-                origin[axis] += edge;
+                origin[axis] += TILE;
                 rest = others;
             }
             cut.push((origin, rest));
@@ -47,148 +46,200 @@ pub(super) fn fill(
     mut out: ArrayViewMut3<'_, f32>,
     monitor: &Monitor<'_>,
 ) -> Result<()> {
-    monitor.check()?;
-    out.fill(0.0);
     let (z, y, x) = out.dim();
-    let phase = phase.slice(s![
-        origin[0]..origin[0] + z,
-        origin[1]..origin[1] + y,
-        origin[2]..origin[2] + x
-    ]);
-    if phase.iter().any(|&inside| inside) {
-        let balls = cells.reaching(&extent(space, origin, out.dim()));
-        split(&balls, phase, space, origin, out, TILE, monitor)?;
-    }
-    Ok(())
-}
-
-fn extent(space: &Space, origin: [usize; 3], shape: (usize, usize, usize)) -> Extent {
-    let shape = [shape.0, shape.1, shape.2];
-    let place = |axis: usize, voxel: usize| (voxel as f64 * space.size[axis]) as f32;
-    Extent {
-        low: [0, 1, 2].map(|axis| place(axis, origin[axis])),
-        high: [0, 1, 2].map(|axis| place(axis, origin[axis] + shape[axis] - 1)),
-    }
-}
-
-/// Halves a block until it is small enough to paint; each part keeps the balls that reach it.
-fn split(
-    balls: &Balls,
-    phase: ArrayView3<'_, bool>,
-    space: &Space,
-    origin: [usize; 3],
-    out: ArrayViewMut3<'_, f32>,
-    edge: usize,
-    monitor: &Monitor<'_>,
-) -> Result<()> {
-    if edge <= BLOCK {
-        Points::new(phase, space, origin).paint(balls, out);
+    let [from_z, from_y, from_x] = origin;
+    let phase = phase.slice(s![from_z..from_z + z, from_y..from_y + y, from_x..from_x + x]);
+    let mut tile = Tile::new(phase);
+    if tile.planes == 0 {
+        out.fill(0.0);
         return Ok(());
     }
-    for (offset, out) in tiles(out, edge / 2) {
-        monitor.check()?;
-        let (z, y, x) = out.dim();
-        let [dz, dy, dx] = offset;
-        let phase = phase.slice(s![dz..dz + z, dy..dy + y, dx..dx + x]);
-        if phase.iter().any(|&inside| inside) {
-            let origin = [0, 1, 2].map(|axis| origin[axis] + offset[axis]);
-            let balls = balls.reaching(&extent(space, origin, out.dim()));
-            split(&balls, phase, space, origin, out, edge / 2, monitor)?;
+    let low = origin.map(|from| from as i32);
+    let extent = Extent { low, high: [0, 1, 2].map(|i| low[i] + [z, y, x][i] as i32 - 1) };
+    for (i, ball) in cells.reaching(&extent).iter().enumerate() {
+        if i % 1024 == 0 {
+            monitor.check()?;
         }
+        tile.paint(ball, space);
+        if tile.planes == 0 {
+            break;
+        }
+    }
+    for ((z, y, x), out) in out.indexed_iter_mut() {
+        *out = tile.painted[(z * TILE + y) * TILE + x];
     }
     Ok(())
 }
 
-/// Voxels of a block that are in the phase and may still wait for a ball.
-struct Points {
-    z: [f32; BLOCK.pow(3)],
-    y: [f32; BLOCK.pow(3)],
-    x: [f32; BLOCK.pow(3)],
-    /// Diameter of the ball that came, 0 before.
-    value: [f32; BLOCK.pow(3)],
-    /// Where in the block they are.
-    place: [[u8; 3]; BLOCK.pow(3)],
-    len: usize,
+/// What has been painted of a tile, and the voxels of the phase that wait for a ball.
+struct Tile {
+    /// [`TILE`] voxels a row, as many rows a plane.
+    painted: Vec<f32>,
+    /// A row in each word, [`PLANE`] words a plane.
+    waiting: Vec<u64>,
+    /// The rows of each plane that have some.
+    rows: [u64; TILE],
+    /// The planes that have some.
+    planes: u64,
 }
 
-impl Points {
-    fn new(phase: ArrayView3<'_, bool>, space: &Space, origin: [usize; 3]) -> Self {
-        let mut points = Self {
-            z: [0.0; BLOCK.pow(3)],
-            y: [0.0; BLOCK.pow(3)],
-            x: [0.0; BLOCK.pow(3)],
-            value: [0.0; BLOCK.pow(3)],
-            place: [[0; 3]; BLOCK.pow(3)],
-            len: 0,
+impl Tile {
+    fn new(phase: ArrayView3<'_, bool>) -> Self {
+        let mut tile = Self {
+            painted: vec![0.0; TILE.pow(3)],
+            waiting: vec![0; TILE * PLANE],
+            rows: [0; TILE],
+            planes: 0,
         };
-        let at = |axis: usize, i: usize| ((origin[axis] + i) as f64 * space.size[axis]) as f32;
-        for ((z, y, x), _) in phase.indexed_iter().filter(|(_, inside)| **inside) {
-            let i = points.len;
-            (points.z[i], points.y[i], points.x[i]) = (at(0, z), at(1, y), at(2, x));
-            points.place[i] = [z, y, x].map(|i| i as u8);
-            points.len += 1;
+        for (z, plane) in phase.outer_iter().enumerate() {
+            for (y, row) in plane.outer_iter().enumerate() {
+                let mut bits = 0;
+                for (x, &inside) in row.iter().enumerate() {
+                    bits |= u64::from(inside) << x;
+                }
+                tile.waiting[z * PLANE + y] = bits;
+                tile.rows[z] |= u64::from(bits != 0) << y;
+            }
+            tile.planes |= u64::from(tile.rows[z] != 0) << z;
         }
-        points.pad();
-        points
+        tile
     }
 
-    /// Fills the last lanes with points that no ball reaches.
-    fn pad(&mut self) {
-        let end = self.len.next_multiple_of(LANES).min(self.x.len());
-        self.x[self.len..end].fill(f32::INFINITY);
-        self.value[self.len..end].fill(1.0);
-    }
-
-    /// Gives each point the diameter of the first ball that holds it.
-    fn paint(mut self, balls: &Balls, mut out: ArrayViewMut3<'_, f32>) {
-        let mut waiting = self.len;
-        let mut next = 0;
-        while waiting > 0 && next < balls.reach.len() {
-            (next, waiting) = paint_some(&mut self, balls, next, waiting);
-            self.keep_waiting(&mut out);
-        }
-    }
-
-    /// Writes out the points that have their ball, and forgets them.
-    fn keep_waiting(&mut self, out: &mut ArrayViewMut3<'_, f32>) {
-        let mut kept = 0;
-        for i in 0..self.len {
-            if self.value[i] > 0.0 {
-                out[self.place[i].map(usize::from)] = self.value[i];
-            } else {
-                (self.z[kept], self.y[kept], self.x[kept]) = (self.z[i], self.y[i], self.x[i]);
-                self.place[kept] = self.place[i];
-                self.value[kept] = 0.0;
-                kept += 1;
+    /// Gives the voxels of a ball that wait its diameter, but for those in its neighbour's ball: that
+    /// one came before, or one that has the same voxels did.
+    fn paint(&mut self, placed: &Placed, space: &Space) {
+        let size = space.size.map(|edge| edge as f32);
+        let [depths, heights] = extents(&placed.ball, size);
+        let mut planes = self.planes & span(placed.at[0], depths);
+        let heights = span(placed.at[1], heights);
+        while planes != 0 {
+            let z = planes.trailing_zeros() as usize;
+            planes &= planes - 1;
+            let rows = self.rows[z] & heights;
+            if rows != 0 {
+                self.paint_plane(placed, space.diameter(placed.ball.rank), size, z, rows);
             }
         }
-        self.len = kept;
-        self.pad();
+    }
+
+    fn paint_plane(&mut self, placed: &Placed, diameter: f32, size: [f32; 3], z: usize, rows: u64) {
+        let Placed { at, ball } = *placed;
+        let [step_z, step_y, step_x] = ball.step.map(i32::from);
+        let dz = z as i32 - at[0];
+        let slice = Slice {
+            own: ball.reach - square(dz, size[0]),
+            other: ball.neighbour - square(dz - step_z, size[0]),
+            at: [at[2], at[2] + step_x],
+            size: [size[1], size[2], size[2].recip()],
+        };
+        let (first, last) = (rows.trailing_zeros(), u64::BITS - rows.leading_zeros());
+        for y in (first as usize..last as usize).step_by(LANES) {
+            let dy = y as i32 - at[1];
+            let Some(words) = self.waiting[z * PLANE + y..].first_chunk_mut() else { continue };
+            let mut hits = [0; LANES];
+            if !find_hits(&slice, [dy, dy - step_y], words, &mut hits) {
+                continue;
+            }
+            for (i, mut bits) in hits.into_iter().enumerate().filter(|(_, bits)| *bits != 0) {
+                words[i] &= !bits;
+                if words[i] == 0 {
+                    self.rows[z] &= !(1 << (y + i));
+                }
+                let row = &mut self.painted[(z * TILE + y + i) * TILE..][..TILE];
+                while bits != 0 {
+                    row[bits.trailing_zeros() as usize] = diameter;
+                    bits &= bits - 1;
+                }
+            }
+        }
+        if self.rows[z] == 0 {
+            self.planes &= !(1 << z);
+        }
     }
 }
 
-/// Paints until at most half of the points wait. Returns the next ball and how many wait.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
-fn paint_some(points: &mut Points, balls: &Balls, from: usize, waiting: usize) -> (usize, usize) {
-    let mut waiting = waiting;
-    let len = points.len.next_multiple_of(LANES).min(points.x.len());
-    let (z, y, x) = (&points.z[..len], &points.y[..len], &points.x[..len]);
-    let value = &mut points.value[..len];
-    for ball in from..balls.reach.len() {
-        let (at_z, at_y, at_x) = (balls.z[ball], balls.y[ball], balls.x[ball]);
-        let (reach, diameter) = (balls.reach[ball], balls.diameter[ball]);
-        let mut hits = 0;
-        for i in 0..len {
-            let (dz, dy, dx) = (z[i] - at_z, y[i] - at_y, x[i] - at_x);
-            let inside = dz * dz + dy * dy + dx * dx < reach;
-            let hit = inside && value[i] == 0.0;
-            value[i] = if hit { diameter } else { value[i] };
-            hits += u32::from(hit);
-        }
-        waiting -= hits as usize;
-        if 2 * waiting <= points.len {
-            return (ball + 1, waiting);
-        }
+fn square(steps: i32, size: f32) -> f32 {
+    let distance = steps as f32 * size;
+    distance * distance
+}
+
+/// The places of a tile from one step from a place to another, as bits.
+fn span(at: i32, (low, high): (i32, i32)) -> u64 {
+    let last = TILE as i32 - 1;
+    let (low, high) = ((at + low).max(0), (at + high).min(last));
+    if low > high { 0 } else { (u64::MAX << low) & (u64::MAX >> (last - high)) }
+}
+
+/// The first and the last step along z and y from the middle of a ball to what does not lie in its
+/// neighbour's ball.
+fn extents(ball: &Ball, size: [f32; 3]) -> [(i32, i32); 2] {
+    let radius = ball.reach.sqrt();
+    let slack = 1e-3 * (1.0 + radius);
+    // Truncation is towards the middle, by less than a step.
+    let steps = |low: f32, high: f32, axis: usize| {
+        (((low - slack) / size[axis]) as i32, ((high + slack) / size[axis]) as i32)
+    };
+    if ball.neighbour <= 0.0 {
+        return [0, 1].map(|axis| steps(-radius, radius, axis));
     }
-    (balls.reach.len(), waiting)
+    // What is left lies in the cap that begins so far out in the direction away from the neighbour:
+    // it ends at its rim, or where the ball does if that is in the cap.
+    let away = [0, 1, 2].map(|axis| -f32::from(ball.step[axis]) * size[axis]);
+    let square = away[0] * away[0] + away[1] * away[1] + away[2] * away[2];
+    let length = square.sqrt();
+    let begins = (ball.neighbour - square - ball.reach) / (2.0 * length);
+    let rim = (ball.reach - begins * begins).max(0.0);
+    [0, 1].map(|axis| {
+        let cosine = away[axis] / length;
+        let rim = (rim * (1.0 - cosine * cosine).max(0.0)).sqrt();
+        let low = if -radius * cosine < begins { begins * cosine - rim } else { -radius };
+        let high = if radius * cosine < begins { begins * cosine + rim } else { radius };
+        steps(low, high, axis)
+    })
+}
+
+/// A ball and that of its neighbour in a plane of a tile.
+struct Slice {
+    /// Squares that steps in the plane must be less than, from the middle of either.
+    own: f32,
+    other: f32,
+    /// Where either middle is along x.
+    at: [i32; 2],
+    /// Edges of a voxel along y and x, and one by the last.
+    size: [f32; 3],
+}
+
+/// Finds the voxels of some rows that wait and lie in a ball but not in its neighbour's; false if
+/// there are none. `dy` are the steps from either middle to the first row.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl+avx512dq", "x86_64+avx2"))]
+fn find_hits(slice: &Slice, dy: [i32; 2], words: &[u64; LANES], hits: &mut [u64; LANES]) -> bool {
+    let mut any = 0;
+    for i in 0..LANES {
+        let own = row_of(slice.own, dy[0] + i as i32, slice.at[0], slice.size);
+        let other = row_of(slice.other, dy[1] + i as i32, slice.at[1], slice.size);
+        hits[i] = own & !other & words[i];
+        any |= hits[i];
+    }
+    any != 0
+}
+
+/// Adding this to a small whole number leaves it in the last bits, which takes one instruction.
+const WHOLE: f32 = 12_582_912.0;
+
+/// The voxels of a row that lie in a ball, as bits.
+#[inline(always)]
+fn row_of(square: f32, dy: i32, at: i32, size: [f32; 3]) -> u64 {
+    let off = dy as f32 * size[0];
+    let square = square - off * off;
+    let root = if square > 0.0 { square.sqrt() } else { 0.0 };
+    let steps = (root * size[2]).floor();
+    let length = steps * size[1];
+    let steps = if length * length < square { steps } else { steps - 1.0 };
+    let steps = (steps + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32;
+    let last = TILE as i32 - 1;
+    let (low, high) = (at - steps, at + steps);
+    let low = if low > 0 { low } else { 0 };
+    let high = if high < last { high } else { last };
+    let bits = (u64::MAX << (low & last)) & (u64::MAX >> ((last - high) & last));
+    if low <= high { bits } else { 0 }
 }

@@ -1,72 +1,84 @@
 //! Balls that are not part of a neighbour's.
 
-use ndarray::{Array3, ArrayView3, s};
+use multiversion::multiversion;
+use ndarray::s;
 use rayon::prelude::*;
 
 use super::Space;
-use super::balls::{Ball, CELL};
+use super::cells::{CELL, Slab};
+use super::diameters::Balls;
 use crate::error::Result;
+use crate::geometry::distance::transform::Kept;
+use crate::geometry::distance::window::Lane;
 use crate::monitor::Monitor;
 use crate::volume::Boundary;
 
 /// Largest radius in voxels for which [`Needed::table`] is made; it takes the cube of it.
 const LARGEST_IN_TABLE: usize = 512;
 
-/// The neighbours of a voxel, without itself.
-const NEIGHBOURS: [[isize; 3]; 26] = {
-    let mut steps = [[0; 3]; 26];
-    let mut i = 0;
-    while i < 26 {
-        let number = (if i < 13 { i } else { i + 1 }) as isize;
-        steps[i] = [number / 9 - 1, number / 3 % 3 - 1, number % 3 - 1];
-        i += 1;
-    }
-    steps
-};
+/// Room for a voxel and its neighbours, in C order.
+const BLOCK: usize = 32;
 
-/// The balls of a phase, in slabs of [`CELL`] planes, without those whose voxels all lie in the ball
-/// of a neighbour that is as thick.
-pub(super) fn ridge(
-    reach: &Array3<f32>,
-    diameters: &Array3<f32>,
-    space: &Space,
-    monitor: &Monitor<'_>,
-) -> Result<Vec<Vec<Ball>>> {
-    let (nz, ny, nx) = reach.dim();
-    let most = reach.as_slice().unwrap_or(&[]).par_iter().copied().reduce(|| 0.0, f32::max);
-    let needed = Needed::new(space, most);
-    (0..nz.div_ceil(CELL))
-        .into_par_iter()
-        .map(|slab| {
-            let mut rows = Rows::new(nx);
-            let mut balls = Vec::new();
-            for z in slab * CELL..((slab + 1) * CELL).min(nz) {
-                for y in 0..ny {
-                    monitor.check()?;
-                    if !rows.load(reach.view(), diameters.view(), [z, y], space.boundary) {
-                        continue;
-                    }
-                    needed.fill(&rows.reach[4][1..=nx], &mut rows.needed);
-                    rows.find_parts();
-                    for x in (0..nx).filter(|&x| !rows.part[x]) {
-                        let at = [z, y, x];
-                        balls.push(Ball {
-                            at: [0, 1, 2].map(|axis| (at[axis] as f64 * space.size[axis]) as f32),
-                            reach: rows.reach[4][x + 1] * needed.inside,
-                            diameter: rows.diameters[4][x + 1],
-                        });
-                    }
-                }
-            }
-            Ok(balls)
-        })
-        .collect()
+/// Where the voxel is among them.
+const MIDDLE: usize = 13;
+
+/// The step to a neighbour.
+const fn step(i: usize) -> [i32; 3] {
+    [i as i32 / 9 - 1, i as i32 / 3 % 3 - 1, i as i32 % 3 - 1]
 }
 
-/// A row of voxels and its eight neighbours, each with one more voxel at both ends.
+/// A ball that no neighbour's ball holds.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Ball {
+    /// The voxel in the middle.
+    pub at: [u16; 3],
+    /// The step to the neighbour as thick whose ball leaves least of this one.
+    pub step: [i8; 3],
+    /// The ball holds the voxels nearer than the root of this.
+    pub reach: f32,
+    /// The same of the neighbour's; 0 if there is none as thick.
+    pub neighbour: f32,
+    pub rank: f32,
+}
+
+/// The balls whose voxels do not all lie in the ball of a neighbour that is as thick, in slabs of
+/// [`CELL`] planes.
+///
+/// Balls that are as thick as each other are in order, so that following the neighbours never leads
+/// back.
+pub(super) fn ridge<T: Lane + Kept<T> + Default>(
+    balls: &Balls<T>,
+    space: &Space,
+    monitor: &Monitor<'_>,
+) -> Result<Vec<Slab>> {
+    let (nz, ny, nx) = balls.reach.dim();
+    let reaches = balls.reach.as_slice().unwrap_or(&[]).par_iter().copied();
+    let most = reaches.reduce(T::default, |a, b| if b > a { b } else { a });
+    let needed = Needed::new(space, most.square());
+    let slabs = (0..nz.div_ceil(CELL)).into_par_iter().map(|slab| {
+        let mut rows = Rows::new(nx);
+        let mut found = Vec::new();
+        for z in slab * CELL..((slab + 1) * CELL).min(nz) {
+            rows.begin(balls, z, space.boundary);
+            for y in 0..ny {
+                monitor.check()?;
+                rows.load(balls, [z, y], space.boundary);
+                needed.fill(&rows.reach[Rows::place(1, y)][1..=nx], &mut rows.needed);
+                rows.find_parts(y);
+                let whole = (0..nx).filter(|&x| !rows.part[x]);
+                found.extend(whole.map(|x| rows.ball([z, y, x], [nz, ny, nx], &needed)));
+            }
+        }
+        Ok(Slab::new(&found, [ny, nx]))
+    });
+    slabs.collect()
+}
+
+/// Rows of voxels about a row, each with one more voxel at both ends: of the planes before, of and
+/// after it, the rows before, of and after it.
 struct Rows {
     reach: [Vec<f32>; 9],
-    diameters: [Vec<f32>; 9],
+    rank: [Vec<f32>; 9],
     /// What a neighbour's square must be at least, by the axes along which it differs.
     needed: [Vec<f32>; 8],
     /// Whether a ball is part of another's, or none.
@@ -78,68 +90,184 @@ impl Rows {
         let padded = || std::array::from_fn(|_| vec![0.0; nx + 2]);
         Self {
             reach: padded(),
-            diameters: padded(),
+            rank: padded(),
             needed: std::array::from_fn(|_| vec![0.0; nx]),
             part: vec![false; nx],
         }
     }
 
-    /// Copies the rows; false if the middle one holds no voxel of the phase.
-    fn load(
+    /// Where a row is kept: rows take turns, so that each is loaded once.
+    const fn place(plane: usize, y: usize) -> usize {
+        3 * plane + y % 3
+    }
+
+    /// Loads what comes before the first row of a plane, and that row.
+    fn begin<T: Lane + Kept<T>>(&mut self, balls: &Balls<T>, z: usize, boundary: Boundary) {
+        let ny = balls.reach.dim().1;
+        self.load_row(
+            balls,
+            z,
+            Some(ny - 1).filter(|_| boundary == Boundary::Periodic),
+            2,
+            boundary,
+        );
+        self.load_row(balls, z, Some(0), 0, boundary);
+    }
+
+    /// Loads what comes after a row, all before it being there.
+    fn load<T: Lane + Kept<T>>(
         &mut self,
-        reach: ArrayView3<'_, f32>,
-        diameters: ArrayView3<'_, f32>,
+        balls: &Balls<T>,
         [z, y]: [usize; 2],
         boundary: Boundary,
-    ) -> bool {
-        let (nz, ny, nx) = reach.dim();
-        let place = |i: usize, step: usize, n: usize| match boundary {
-            Boundary::Periodic => Some((i + n + step - 1) % n),
-            Boundary::Open => (i + step).checked_sub(1).filter(|&i| i < n),
-        };
-        for i in [4, 0, 1, 2, 3, 5, 6, 7, 8] {
-            let from = place(z, i / 3, nz).zip(place(y, i % 3, ny));
-            for (all, rows) in [(reach, &mut self.reach), (diameters, &mut self.diameters)] {
-                let row = &mut rows[i];
-                let Some((z, y)) = from else {
+    ) {
+        let next = after(y, balls.reach.dim().1, boundary);
+        self.load_row(balls, z, next, y + 1, boundary);
+    }
+
+    /// Loads a row of three planes; beyond an open border there are no balls.
+    fn load_row<T: Lane + Kept<T>>(
+        &mut self,
+        balls: &Balls<T>,
+        z: usize,
+        y: Option<usize>,
+        place: usize,
+        boundary: Boundary,
+    ) {
+        let (nz, _, nx) = balls.reach.dim();
+        let planes = [before(z, nz, boundary), Some(z), after(z, nz, boundary)];
+        for (plane, z) in planes.into_iter().enumerate() {
+            let place = Self::place(plane, place);
+            let both = [(&balls.reach, &mut self.reach), (&balls.rank, &mut self.rank)];
+            for (all, rows) in both {
+                let row = &mut rows[place];
+                let Some([z, y]) = z.zip(y).map(|(z, y)| [z, y]) else {
                     row.fill(0.0);
                     continue;
                 };
                 if let Some(values) = all.slice(s![z, y, ..]).to_slice() {
-                    row[1..=nx].copy_from_slice(values);
+                    T::to_squares(values, &mut row[1..=nx]);
                 }
                 if boundary == Boundary::Periodic {
                     row[0] = row[nx];
                     row[nx + 1] = row[1];
                 }
             }
-            if i == 4 && self.reach[4][1..=nx].iter().all(|&square| square <= 0.0) {
-                return false;
-            }
         }
-        true
     }
 
-    fn find_parts(&mut self) {
+    fn find_parts(&mut self, y: usize) {
         let nx = self.part.len();
-        let own = &self.diameters[4][1..=nx];
-        for (part, &square) in self.part.iter_mut().zip(&self.reach[4][1..]) {
+        let middle = Self::place(1, y);
+        let own = &self.rank[middle][1..=nx];
+        for (part, &square) in self.part.iter_mut().zip(&self.reach[middle][1..]) {
             *part = square <= 0.0;
         }
-        for [dz, dy, dx] in NEIGHBOURS {
-            let row = (3 * (dz + 1) + dy + 1) as usize;
-            let class = usize::from(dz != 0) * 4 + usize::from(dy != 0) * 2 + usize::from(dx != 0);
-            let shift = (dx + 1) as usize;
+        for step in (0..27).filter(|&i| i != MIDDLE).map(step) {
+            let (row, shift) = Self::neighbour(y, step);
             mark_parts(
                 &mut self.part,
-                (&self.reach[row][shift..], &self.needed[class]),
-                (&self.diameters[row][shift..], own),
+                (&self.reach[row][shift..], &self.needed[class(step)]),
+                (&self.rank[row][shift..], own),
             );
+        }
+    }
+
+    /// In which row a neighbour is kept, and where the neighbour of the first voxel is in it.
+    const fn neighbour(y: usize, [dz, dy, dx]: [i32; 3]) -> (usize, usize) {
+        (Self::place((dz + 1) as usize, y + (dy + 4) as usize - 1), (dx + 1) as usize)
+    }
+
+    fn ball(&self, at: [usize; 3], shape: [usize; 3], needed: &Needed) -> Ball {
+        let [_, y, x] = at;
+        let mut around = Around { reach: [0.0; BLOCK], rank: [0.0; BLOCK] };
+        for (i, row) in (0..9).map(|i| (3 * i, Self::place(i / 3, y + i % 3 + 2))) {
+            around.reach[i..i + 3].copy_from_slice(&self.reach[row][x..x + 3]);
+            around.rank[i..i + 3].copy_from_slice(&self.rank[row][x..x + 3]);
+        }
+        let (reach, rank) = (around.reach[MIDDLE], around.rank[MIDDLE]);
+        let neighbour = leaves_least(&around, later(at, shape), &needed.lengths);
+        Ball {
+            at: at.map(|i| i as u16),
+            step: neighbour.map_or([0; 3], |i| step(i).map(|step| step as i8)),
+            reach: reach * needed.inside,
+            neighbour: neighbour.map_or(0.0, |i| around.reach[i] * needed.inside),
+            rank,
         }
     }
 }
 
-#[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+/// The balls of a voxel and its neighbours, and a few that are none.
+struct Around {
+    reach: [f32; BLOCK],
+    rank: [f32; BLOCK],
+}
+
+/// The neighbour as thick whose ball leaves least of that in the middle: what it leaves begins
+/// farthest out.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+fn leaves_least(around: &Around, later: u32, lengths: &[f32; BLOCK]) -> Option<usize> {
+    let (reach, rank) = (around.reach[MIDDLE], around.rank[MIDDLE]);
+    let mut beyond = [f32::NEG_INFINITY; BLOCK];
+    for i in 0..BLOCK {
+        let (other, other_rank) = (around.reach[i], around.rank[i]);
+        let as_thick = other > reach || (other >= reach && later >> i & 1 == 1);
+        let from = (other - lengths[i] * lengths[i] - reach) / (2.0 * lengths[i]);
+        let leads = other_rank > rank || (other_rank >= rank && as_thick);
+        beyond[i] = if leads { from } else { f32::NEG_INFINITY };
+    }
+    let mut most = beyond;
+    let mut width = BLOCK / 2;
+    while width > 0 {
+        for i in 0..width {
+            most[i] = if most[i + width] > most[i] { most[i + width] } else { most[i] };
+        }
+        width /= 2;
+    }
+    let mut which = 0;
+    for (i, &from) in beyond.iter().enumerate() {
+        which |= u32::from(from >= most[0]) << i;
+    }
+    (most[0] > f32::NEG_INFINITY).then_some(which.trailing_zeros() as usize)
+}
+
+/// Which neighbours come later in the volume than a voxel, as bits.
+fn later(at: [usize; 3], shape: [usize; 3]) -> u32 {
+    if (0..3).all(|axis| at[axis] > 0 && at[axis] + 1 < shape[axis]) {
+        return u32::MAX << (MIDDLE + 1);
+    }
+    (0..27).filter(|&i| comes_after(at, step(i), shape)).fold(0, |bits, i| bits | 1 << i)
+}
+
+/// Whether a neighbour comes after a voxel in the volume.
+fn comes_after(at: [usize; 3], step: [i32; 3], shape: [usize; 3]) -> bool {
+    let other = [0, 1, 2].map(|axis| {
+        let n = shape[axis];
+        (at[axis] + n).wrapping_add_signed(step[axis] as isize) % n
+    });
+    other > at
+}
+
+/// Along which axes a neighbour differs, as bits.
+const fn class([dz, dy, dx]: [i32; 3]) -> usize {
+    4 * (dz & 1) as usize + 2 * (dy & 1) as usize + (dx & 1) as usize
+}
+
+fn before(i: usize, n: usize, boundary: Boundary) -> Option<usize> {
+    match boundary {
+        Boundary::Open => i.checked_sub(1),
+        Boundary::Periodic => Some((i + n - 1) % n),
+    }
+}
+
+fn after(i: usize, n: usize, boundary: Boundary) -> Option<usize> {
+    match boundary {
+        Boundary::Open => Some(i + 1).filter(|&i| i < n),
+        Boundary::Periodic => Some((i + 1) % n),
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
 fn mark_parts(part: &mut [bool], squares: (&[f32], &[f32]), diameters: (&[f32], &[f32])) {
     let squares = squares.0.iter().zip(squares.1);
     let diameters = diameters.0.iter().zip(diameters.1);
@@ -153,8 +281,8 @@ fn mark_parts(part: &mut [bool], squares: (&[f32], &[f32]), diameters: (&[f32], 
 struct Needed {
     /// By squared distance in voxels, and by how many axes the neighbour differs along.
     table: Option<[Vec<f32>; 3]>,
-    /// Distance of a neighbour, by the axes along which it differs.
-    steps: [f32; 8],
+    /// Distance of each neighbour; never 0.
+    lengths: [f32; BLOCK],
     /// What squares are multiplied by so that a rounded one does not reach the voxels outside.
     inside: f32,
 }
@@ -165,10 +293,10 @@ impl Needed {
         let table = space.is_cubic() && most <= LARGEST_IN_TABLE.pow(2);
         Self {
             table: table.then(|| Self::table(most)),
-            steps: std::array::from_fn(|class| {
-                let along = |axis: usize| if class & (4 >> axis) == 0 { 0.0 } else { 1.0 };
-                let square: f64 = (0..3).map(|axis| along(axis) * space.size[axis].powi(2)).sum();
-                square.sqrt() as f32
+            lengths: std::array::from_fn(|i| {
+                let step = step(if i == MIDDLE { 0 } else { i % 27 });
+                let along = |axis: usize| (f64::from(step[axis]) * space.size[axis]).powi(2);
+                (0..3).map(along).sum::<f64>().sqrt() as f32
             }),
             inside: if space.is_cubic() { 1.0 } else { 1.0 - 1e-6 },
         }
@@ -215,9 +343,9 @@ impl Needed {
                 }
             }
         } else {
-            for (needed, step) in needed.iter_mut().zip(self.steps) {
-                for (needed, square) in needed.iter_mut().zip(squares) {
-                    *needed = (square.sqrt() + step).powi(2) * (1.0 + 4e-6);
+            for i in 0..MIDDLE {
+                for (needed, square) in needed[class(step(i))].iter_mut().zip(squares) {
+                    *needed = (square.sqrt() + self.lengths[i]).powi(2) * (1.0 + 4e-6);
                 }
             }
         }

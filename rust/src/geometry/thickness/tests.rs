@@ -54,17 +54,16 @@ proptest! {
             return Ok(());
         }
         let space = Space::new([1.0; 3], boundary);
-        let mut reach = Array3::zeros(phase.dim());
         let monitor = Monitor::silent();
-        let lattice = space.lattice([false; 3]);
-        squared_distances(outside(phase.view()), &lattice, reach.view_mut(), |_, _| (), &monitor)
-            .unwrap();
-        let mut scratch = Array3::zeros(phase.dim());
-        let diameters =
-            diameters::largest_nearby(phase.view(), &space, &reach, scratch.view_mut(), &monitor)
-                .unwrap();
+        let balls = Balls::<u16>::new(phase.view(), &space, &monitor).unwrap().unwrap();
+        let diameters = balls.rank.mapv(|rank| space.diameter(f32::from(rank)));
         prop_assert_eq!(&found, &twin(&phase, &diameters, boundary));
         let again = with_threads(3, || thickness(phase.view(), [1.0; 3], boundary)).unwrap();
+        prop_assert_eq!(&found, &again);
+        // The way of large radii and of other voxels than cubes.
+        let wide = Balls::<f32>::new(phase.view(), &space, &monitor).unwrap().unwrap();
+        let mut again = Array3::zeros(phase.dim());
+        fill(wide, &space, phase.view(), again.view_mut(), &monitor).unwrap();
         prop_assert_eq!(&found, &again);
     }
 }
