@@ -1,83 +1,245 @@
-//! Painting a volume with balls.
+//! Painting tiles of a volume with balls, thickest first.
 
-use std::sync::atomic::{AtomicU32, Ordering};
-
-use ndarray::ArrayViewMut3;
-use rayon::prelude::*;
+use multiversion::multiversion;
+use ndarray::{ArrayView3, ArrayViewMut3, Axis, s};
 
 use super::Space;
-use super::left::{Frame, Offset};
+use super::cells::{Cells, Extent, Placed};
 use super::ridge::Ball;
-use crate::volume::{Boundary, Shape, index, voxels};
+use crate::error::Result;
+use crate::monitor::Monitor;
 
-/// The rank of the thickest ball that has come to each voxel, as bits: those of positive numbers are
-/// in order. Balls come from all threads and in any order.
-pub(super) struct Canvas<'a> {
-    ranks: Vec<AtomicU32>,
-    shape: Shape,
-    space: &'a Space,
+/// Edge of a tile in voxels: a row is a word of bits.
+pub(super) const TILE: usize = u64::BITS as usize;
+
+/// Rows that are compared with a ball at once.
+const LANES: usize = 8;
+
+/// Words of a plane: a few more than there are rows, so that lanes may go on beyond the last.
+const PLANE: usize = TILE + LANES;
+
+/// Cuts a volume into tiles, each with the place of its first voxel.
+pub(super) fn tiles(out: ArrayViewMut3<'_, f32>) -> Vec<([usize; 3], ArrayViewMut3<'_, f32>)> {
+    let mut tiles = vec![([0; 3], out)];
+    for axis in 0..3 {
+        let mut cut = Vec::new();
+        for (mut origin, mut rest) in tiles {
+            while rest.len_of(Axis(axis)) > TILE {
+                let (tile, others) = rest.split_at(Axis(axis), TILE);
+                cut.push((origin, tile));
+                origin[axis] += TILE;
+                rest = others;
+            }
+            cut.push((origin, rest));
+        }
+        tiles = cut;
+    }
+    tiles
 }
 
-impl<'a> Canvas<'a> {
-    pub(super) fn new(shape: (usize, usize, usize), space: &'a Space) -> Self {
-        let shape = shape.into();
-        let ranks = std::iter::repeat_with(AtomicU32::default).take(voxels(shape)).collect();
-        Self { ranks, shape, space }
+/// Writes the thickness of a tile.
+pub(super) fn fill(
+    cells: &Cells,
+    phase: ArrayView3<'_, bool>,
+    space: &Space,
+    origin: [usize; 3],
+    mut out: ArrayViewMut3<'_, f32>,
+    monitor: &Monitor<'_>,
+) -> Result<()> {
+    let (z, y, x) = out.dim();
+    let [from_z, from_y, from_x] = origin;
+    let phase = phase.slice(s![from_z..from_z + z, from_y..from_y + y, from_x..from_x + x]);
+    let mut tile = Tile::new(phase);
+    if tile.planes == 0 {
+        out.fill(0.0);
+        return Ok(());
+    }
+    let low = origin.map(|from| from as i32);
+    let extent = Extent { low, high: [0, 1, 2].map(|i| low[i] + [z, y, x][i] as i32 - 1) };
+    for (i, ball) in cells.reaching(&extent).iter().enumerate() {
+        if i % 1024 == 0 {
+            monitor.check()?;
+        }
+        tile.paint(ball, space);
+        if tile.planes == 0 {
+            break;
+        }
+    }
+    for ((z, y, x), out) in out.indexed_iter_mut() {
+        *out = tile.painted[(z * TILE + y) * TILE + x];
+    }
+    Ok(())
+}
+
+/// What has been painted of a tile, and the voxels of the phase that wait for a ball.
+struct Tile {
+    /// [`TILE`] voxels a row, as many rows a plane.
+    painted: Vec<f32>,
+    /// A row in each word, [`PLANE`] words a plane.
+    waiting: Vec<u64>,
+    /// The rows of each plane that have some.
+    rows: [u64; TILE],
+    /// The planes that have some.
+    planes: u64,
+}
+
+impl Tile {
+    fn new(phase: ArrayView3<'_, bool>) -> Self {
+        let mut tile = Self {
+            painted: vec![0.0; TILE.pow(3)],
+            waiting: vec![0; TILE * PLANE],
+            rows: [0; TILE],
+            planes: 0,
+        };
+        for (z, plane) in phase.outer_iter().enumerate() {
+            for (y, row) in plane.outer_iter().enumerate() {
+                let mut bits = 0;
+                for (x, &inside) in row.iter().enumerate() {
+                    bits |= u64::from(inside) << x;
+                }
+                tile.waiting[z * PLANE + y] = bits;
+                tile.rows[z] |= u64::from(bits != 0) << y;
+            }
+            tile.planes |= u64::from(tile.rows[z] != 0) << z;
+        }
+        tile
     }
 
-    /// Paints what is left of a ball.
-    pub(super) fn paint(&self, ball: &Ball, left: &[Offset], frame: Frame) {
-        let rank = ball.rank.to_bits();
-        let radius = ball.reach.sqrt();
-        let inside = (0..3).all(|axis| {
-            let steps = (radius / self.space.size[axis] as f32) as usize + 1;
-            ball.at[axis] >= steps && ball.at[axis] + steps < self.shape[axis]
-        });
-        if inside {
-            let strides = [self.shape[1] * self.shape[2], self.shape[2], 1];
-            let strides = [0, 1, 2].map(|i| frame.signs[i] * strides[frame.axes[i]] as i32);
-            let middle = index(self.shape, ball.at);
-            for offset in left {
-                let steps = [0, 1, 2].map(|i| i32::from(offset[i]) * strides[i]);
-                let step = steps[0] + steps[1] + steps[2];
-                self.raise(middle.wrapping_add_signed(step as isize), rank);
+    /// Gives the voxels of a ball that wait its diameter, but for those in its neighbour's ball: that
+    /// one came before, or one that has the same voxels did.
+    fn paint(&mut self, placed: &Placed, space: &Space) {
+        let size = space.size.map(|edge| edge as f32);
+        let [depths, heights] = extents(&placed.ball, size);
+        let mut planes = self.planes & span(placed.at[0], depths);
+        let heights = span(placed.at[1], heights);
+        while planes != 0 {
+            let z = planes.trailing_zeros() as usize;
+            planes &= planes - 1;
+            let rows = self.rows[z] & heights;
+            if rows != 0 {
+                self.paint_plane(placed, space.diameter(placed.ball.rank), size, z, rows);
             }
-        } else {
-            for offset in left {
-                if let Some(place) = self.place(ball.at, *offset, frame) {
-                    self.raise(place, rank);
+        }
+    }
+
+    fn paint_plane(&mut self, placed: &Placed, diameter: f32, size: [f32; 3], z: usize, rows: u64) {
+        let Placed { at, ball } = *placed;
+        let [step_z, step_y, step_x] = ball.step.map(i32::from);
+        let dz = z as i32 - at[0];
+        let slice = Slice {
+            own: ball.reach - square(dz, size[0]),
+            other: ball.neighbour - square(dz - step_z, size[0]),
+            at: [at[2], at[2] + step_x],
+            size: [size[1], size[2], size[2].recip()],
+        };
+        let (first, last) = (rows.trailing_zeros(), u64::BITS - rows.leading_zeros());
+        for y in (first as usize..last as usize).step_by(LANES) {
+            let dy = y as i32 - at[1];
+            let Some(words) = self.waiting[z * PLANE + y..].first_chunk_mut() else { continue };
+            let mut hits = [0; LANES];
+            if !find_hits(&slice, [dy, dy - step_y], words, &mut hits) {
+                continue;
+            }
+            for (i, mut bits) in hits.into_iter().enumerate().filter(|(_, bits)| *bits != 0) {
+                words[i] &= !bits;
+                if words[i] == 0 {
+                    self.rows[z] &= !(1 << (y + i));
+                }
+                let row = &mut self.painted[(z * TILE + y + i) * TILE..][..TILE];
+                while bits != 0 {
+                    row[bits.trailing_zeros() as usize] = diameter;
+                    bits &= bits - 1;
                 }
             }
         }
-    }
-
-    fn raise(&self, place: usize, rank: u32) {
-        let voxel = &self.ranks[place];
-        if voxel.load(Ordering::Relaxed) < rank {
-            voxel.fetch_max(rank, Ordering::Relaxed);
+        if self.rows[z] == 0 {
+            self.planes &= !(1 << z);
         }
     }
+}
 
-    /// Where an offset from a voxel leads; nowhere beyond an open border.
-    fn place(&self, mut at: Shape, offset: Offset, frame: Frame) -> Option<usize> {
-        for i in 0..3 {
-            let axis = frame.axes[i];
-            let n = self.shape[axis];
-            let steps = (frame.signs[i] * i32::from(offset[i])) as isize;
-            at[axis] = match self.space.boundary {
-                Boundary::Open => at[axis].checked_add_signed(steps).filter(|&to| to < n)?,
-                Boundary::Periodic => (at[axis] as isize + steps).rem_euclid(n as isize) as usize,
-            };
-        }
-        Some(index(self.shape, at))
-    }
+fn square(steps: i32, size: f32) -> f32 {
+    let distance = steps as f32 * size;
+    distance * distance
+}
 
-    /// Writes the diameters of the balls, and 0 where none came.
-    pub(super) fn write(self, mut out: ArrayViewMut3<'_, f32>) {
-        let Some(out) = out.as_slice_mut() else { return };
-        out.par_iter_mut().zip(self.ranks).for_each(|(out, rank)| {
-            let rank = f32::from_bits(rank.into_inner());
-            *out = if rank > 0.0 { self.space.diameter(rank) } else { 0.0 };
-        });
+/// The places of a tile from one step from a place to another, as bits.
+fn span(at: i32, (low, high): (i32, i32)) -> u64 {
+    let last = TILE as i32 - 1;
+    let (low, high) = ((at + low).max(0), (at + high).min(last));
+    if low > high { 0 } else { (u64::MAX << low) & (u64::MAX >> (last - high)) }
+}
+
+/// The first and the last step along z and y from the middle of a ball to what does not lie in its
+/// neighbour's ball.
+fn extents(ball: &Ball, size: [f32; 3]) -> [(i32, i32); 2] {
+    let radius = ball.reach.sqrt();
+    let slack = 1e-3 * (1.0 + radius);
+    // Truncation is towards the middle, by less than a step.
+    let steps = |low: f32, high: f32, axis: usize| {
+        (((low - slack) / size[axis]) as i32, ((high + slack) / size[axis]) as i32)
+    };
+    if ball.neighbour <= 0.0 {
+        return [0, 1].map(|axis| steps(-radius, radius, axis));
     }
+    // What is left lies in the cap that begins so far out in the direction away from the neighbour:
+    // it ends at its rim, or where the ball does if that is in the cap.
+    let away = [0, 1, 2].map(|axis| -f32::from(ball.step[axis]) * size[axis]);
+    let square = away[0] * away[0] + away[1] * away[1] + away[2] * away[2];
+    let length = square.sqrt();
+    let begins = (ball.neighbour - square - ball.reach) / (2.0 * length);
+    let rim = (ball.reach - begins * begins).max(0.0);
+    [0, 1].map(|axis| {
+        let cosine = away[axis] / length;
+        let rim = (rim * (1.0 - cosine * cosine).max(0.0)).sqrt();
+        let low = if -radius * cosine < begins { begins * cosine - rim } else { -radius };
+        let high = if radius * cosine < begins { begins * cosine + rim } else { radius };
+        steps(low, high, axis)
+    })
+}
+
+/// A ball and that of its neighbour in a plane of a tile.
+struct Slice {
+    /// Squares that steps in the plane must be less than, from the middle of either.
+    own: f32,
+    other: f32,
+    /// Where either middle is along x.
+    at: [i32; 2],
+    /// Edges of a voxel along y and x, and one by the last.
+    size: [f32; 3],
+}
+
+/// Finds the voxels of some rows that wait and lie in a ball but not in its neighbour's; false if
+/// there are none. `dy` are the steps from either middle to the first row.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl+avx512dq", "x86_64+avx2"))]
+fn find_hits(slice: &Slice, dy: [i32; 2], words: &[u64; LANES], hits: &mut [u64; LANES]) -> bool {
+    let mut any = 0;
+    for i in 0..LANES {
+        let own = row_of(slice.own, dy[0] + i as i32, slice.at[0], slice.size);
+        let other = row_of(slice.other, dy[1] + i as i32, slice.at[1], slice.size);
+        hits[i] = own & !other & words[i];
+        any |= hits[i];
+    }
+    any != 0
+}
+
+/// Adding this to a small whole number leaves it in the last bits, which takes one instruction.
+const WHOLE: f32 = 12_582_912.0;
+
+/// The voxels of a row that lie in a ball, as bits.
+#[inline(always)]
+fn row_of(square: f32, dy: i32, at: i32, size: [f32; 3]) -> u64 {
+    let off = dy as f32 * size[0];
+    let square = square - off * off;
+    let root = if square > 0.0 { square.sqrt() } else { 0.0 };
+    let steps = (root * size[2]).floor();
+    let length = steps * size[1];
+    let steps = if length * length < square { steps } else { steps - 1.0 };
+    let steps = (steps + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32;
+    let last = TILE as i32 - 1;
+    let (low, high) = (at - steps, at + steps);
+    let low = if low > 0 { low } else { 0 };
+    let high = if high < last { high } else { last };
+    let bits = (u64::MAX << (low & last)) & (u64::MAX >> ((last - high) & last));
+    if low <= high { bits } else { 0 }
 }

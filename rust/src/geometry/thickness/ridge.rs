@@ -1,18 +1,17 @@
 //! Balls that are not part of a neighbour's.
 
-use std::sync::{Mutex, MutexGuard};
-
 use multiversion::multiversion;
 use ndarray::s;
 use rayon::prelude::*;
 
 use super::Space;
+use super::cells::{CELL, Slab};
 use super::diameters::Balls;
 use crate::error::Result;
 use crate::geometry::distance::transform::Kept;
 use crate::geometry::distance::window::Lane;
 use crate::monitor::Monitor;
-use crate::volume::{Boundary, Shape};
+use crate::volume::Boundary;
 
 /// Largest radius in voxels for which [`Needed::table`] is made; it takes the cube of it.
 const LARGEST_IN_TABLE: usize = 512;
@@ -21,61 +20,58 @@ const LARGEST_IN_TABLE: usize = 512;
 const BLOCK: usize = 32;
 
 /// Where the voxel is among them.
-pub(super) const MIDDLE: usize = 13;
+const MIDDLE: usize = 13;
 
 /// The step to a neighbour.
-pub(super) const fn step(i: usize) -> [i32; 3] {
+const fn step(i: usize) -> [i32; 3] {
     [i as i32 / 9 - 1, i as i32 / 3 % 3 - 1, i as i32 % 3 - 1]
 }
 
 /// A ball that no neighbour's ball holds.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Ball {
     /// The voxel in the middle.
-    pub at: Shape,
+    pub at: [u16; 3],
+    /// The step to the neighbour as thick whose ball leaves least of this one.
+    pub step: [i8; 3],
     /// The ball holds the voxels nearer than the root of this.
     pub reach: f32,
+    /// The same of the neighbour's; 0 if there is none as thick.
+    pub neighbour: f32,
     pub rank: f32,
-    /// The neighbour as thick whose ball leaves least of this one, [`MIDDLE`] if none is.
-    pub neighbour: usize,
-    /// The reach of the neighbour's ball, 0 without one.
-    pub other: f32,
 }
 
-/// Hands over the balls whose voxels do not all lie in the ball of a neighbour that is as thick.
+/// The balls whose voxels do not all lie in the ball of a neighbour that is as thick, in slabs of
+/// [`CELL`] planes.
 ///
 /// Balls that are as thick as each other are in order, so that following the neighbours never leads
-/// back. `work` is what `each` keeps from ball to ball.
-pub(super) fn ridge<T: Lane + Kept<T> + Default, W: Send>(
+/// back.
+pub(super) fn ridge<T: Lane + Kept<T> + Default>(
     balls: &Balls<T>,
     space: &Space,
-    work: impl Fn() -> W + Sync,
-    each: impl Fn(&mut W, &Ball) + Sync,
     monitor: &Monitor<'_>,
-) -> Result<()> {
+) -> Result<Vec<Slab>> {
     let (nz, ny, nx) = balls.reach.dim();
     let reaches = balls.reach.as_slice().unwrap_or(&[]).par_iter().copied();
     let most = reaches.reduce(T::default, |a, b| if b > a { b } else { a });
     let needed = Needed::new(space, most.square());
-    let idle = Mutex::new(Vec::new());
-    (0..nz).into_par_iter().try_for_each(|z| {
-        let waiting = idle.lock().ok().and_then(|mut idle: MutexGuard<'_, Vec<_>>| idle.pop());
-        let (mut rows, mut work) = waiting.unwrap_or_else(|| (Rows::new(nx), work()));
-        rows.begin(balls, z, space.boundary);
-        for y in 0..ny {
-            monitor.check()?;
-            rows.load(balls, [z, y], space.boundary);
-            needed.fill(&rows.reach[Rows::place(1, y)][1..=nx], &mut rows.needed);
-            rows.find_parts(y);
-            for x in (0..nx).filter(|&x| !rows.part[x]) {
-                each(&mut work, &rows.ball([z, y, x], [nz, ny, nx], &needed));
+    let slabs = (0..nz.div_ceil(CELL)).into_par_iter().map(|slab| {
+        let mut rows = Rows::new(nx);
+        let mut found = Vec::new();
+        for z in slab * CELL..((slab + 1) * CELL).min(nz) {
+            rows.begin(balls, z, space.boundary);
+            for y in 0..ny {
+                monitor.check()?;
+                rows.load(balls, [z, y], space.boundary);
+                needed.fill(&rows.reach[Rows::place(1, y)][1..=nx], &mut rows.needed);
+                rows.find_parts(y);
+                let whole = (0..nx).filter(|&x| !rows.part[x]);
+                found.extend(whole.map(|x| rows.ball([z, y, x], [nz, ny, nx], &needed)));
             }
         }
-        if let Ok(mut idle) = idle.lock() {
-            idle.push((rows, work));
-        }
-        Ok(())
-    })
+        Ok(Slab::new(&found, [ny, nx]))
+    });
+    slabs.collect()
 }
 
 /// Rows of voxels about a row, each with one more voxel at both ends: of the planes before, of and
@@ -192,11 +188,11 @@ impl Rows {
         let (reach, rank) = (around.reach[MIDDLE], around.rank[MIDDLE]);
         let neighbour = leaves_least(&around, later(at, shape), &needed.lengths);
         Ball {
-            at,
+            at: at.map(|i| i as u16),
+            step: neighbour.map_or([0; 3], |i| step(i).map(|step| step as i8)),
             reach: reach * needed.inside,
+            neighbour: neighbour.map_or(0.0, |i| around.reach[i] * needed.inside),
             rank,
-            neighbour: neighbour.unwrap_or(MIDDLE),
-            other: neighbour.map_or(0.0, |i| around.reach[i] * needed.inside),
         }
     }
 }

@@ -63,7 +63,7 @@ proptest! {
         // The way of large radii and of other voxels than cubes.
         let wide = Balls::<f32>::new(phase.view(), &space, &monitor).unwrap().unwrap();
         let mut again = Array3::zeros(phase.dim());
-        fill(&wide, &space, again.view_mut(), &monitor).unwrap();
+        fill(wide, &space, phase.view(), again.view_mut(), &monitor).unwrap();
         prop_assert_eq!(&found, &again);
     }
 }
