@@ -138,22 +138,25 @@ impl Slab<'_> {
     }
 
     fn normalise(&mut self, previous: &Field, coverage: &[Vec<u32>; 3], shape: Shape) {
-        let plane = shape[1] * shape[2];
-        for i in 0..self.weight.len() {
-            let sum = self.weight[i];
-            let at = self.first * plane + i;
-            for c in 0..self.mean.len() {
-                self.mean[c][i] =
-                    if sum > 0.0 { self.mean[c][i] / sum } else { previous.channel(c)[at] };
-            }
-            if sum > 0.0 {
-                for laplacian in &mut self.laplacian {
-                    laplacian[i] /= sum;
+        let [_, ny, nx] = shape;
+        for (row, weight) in self.weight.chunks_mut(nx).enumerate() {
+            let (inside, first) = (row * nx, self.first * ny * nx + row * nx);
+            for (c, mean) in self.mean.iter_mut().enumerate() {
+                let previous = &previous.channel(c)[first..first + nx];
+                let mean = mean[inside..inside + nx].iter_mut().zip(previous);
+                for ((mean, previous), &sum) in mean.zip(&*weight) {
+                    *mean = if sum > 0.0 { *mean / sum } else { *previous };
                 }
             }
-            let [z, y, x] = crate::volume::position(shape, at);
-            let count = coverage[0][z] * coverage[1][y] * coverage[2][x];
-            self.weight[i] = sum / count as f32;
+            for laplacian in &mut self.laplacian {
+                for (value, &sum) in laplacian[inside..inside + nx].iter_mut().zip(&*weight) {
+                    *value = if sum > 0.0 { *value / sum } else { *value };
+                }
+            }
+            let lines = coverage[0][self.first + row / ny] * coverage[1][row % ny];
+            for (weight, count) in weight.iter_mut().zip(&coverage[2]) {
+                *weight /= (lines * count) as f32;
+            }
         }
     }
 }

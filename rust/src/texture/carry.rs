@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::blend::{Source, blend};
 use super::field::Field;
+use super::lattice::Lattice;
 use super::match_map::MatchMap;
 use crate::error::Result;
 use crate::monitor::Monitor;
@@ -84,13 +85,24 @@ impl Cells<'_> {
     fn fill(&self, places: &mut [u32]) {
         let [sz, sy, sx] = self.map.lattice.sites();
         let mut scores = vec![f32::INFINITY; places.len()];
-        for site in 0..sz * sy * sx {
-            if self.map.matches[site].is_some() {
-                let leads = self.key.below(site as u64, SITES_PER_CELL) == 0;
-                let at = [site / (sy * sx), site / sx % sy, site % sx];
-                self.offer(site, at, leads, &mut scores, places);
+        let voxels = places.len();
+        for z in (0..sz).filter(|&z| self.may_meet(z, voxels)) {
+            for site in z * sy * sx..(z + 1) * sy * sx {
+                if self.map.matches[site].is_some() {
+                    let leads = self.key.below(site as u64, SITES_PER_CELL) == 0;
+                    let at = [z, site / sx % sy, site % sx];
+                    self.offer(site, at, leads, &mut scores, places);
+                }
             }
         }
+    }
+
+    /// Whether sites of a layer may offer something to so many voxels.
+    fn may_meet(&self, layer: usize, voxels: usize) -> bool {
+        let Lattice { shape: [nz, ny, nx], window, origins, .. } = &self.map.lattice;
+        let planes = self.first..self.first + voxels / (ny * nx);
+        let (first, count) = (origins[0][layer] + nz - REACH.min(*nz), window + 2 * REACH);
+        (first..first + count).any(|z| planes.contains(&(z % nz)))
     }
 
     /// Offers the voxels round a site the exemplar's values round its match.

@@ -72,24 +72,41 @@ pub fn gaussian(field: &Field, sigma: f32, boundary: Boundary) -> Field {
     let weights: Vec<f32> =
         (-radius..=radius).map(|k| (-0.5 * (k as f32 / sigma).powi(2)).exp()).collect();
     let total: f32 = weights.iter().sum();
+    let weights: Vec<f32> = weights.iter().map(|w| w / total).collect();
     let shape = field.shape();
     let mut out = field.clone();
     for c in 0..field.channels() {
         for axis in 0..3 {
             let from = out.channel(c).to_vec();
-            let n = shape[axis] as isize;
-            fill(out.channel_mut(c), shape, |p| {
-                let mut sum = 0.0;
-                for (k, w) in (-radius..=radius).zip(&weights) {
-                    let i = p[axis] as isize + k;
-                    let mut q = p;
-                    q[axis] = match boundary {
-                        Boundary::Open => i.clamp(0, n - 1) as usize,
-                        Boundary::Periodic => i.rem_euclid(n) as usize,
-                    };
-                    sum += w * from[index(shape, q)];
+            let near = |at: usize, k: isize| {
+                let (i, n) = (at as isize + k, shape[axis] as isize);
+                match boundary {
+                    Boundary::Open => i.clamp(0, n - 1) as usize,
+                    Boundary::Periodic => i.rem_euclid(n) as usize,
                 }
-                sum / total
+            };
+            let rows = out.channel_mut(c).par_chunks_mut(shape[2]);
+            rows.enumerate().for_each(|(row, out)| {
+                out.fill(0.0);
+                for (k, &weight) in (-radius..=radius).zip(&weights) {
+                    if axis < 2 {
+                        let mut at = [row / shape[1], row % shape[1], 0];
+                        at[axis] = near(at[axis], k);
+                        let from = &from[index(shape, at)..][..shape[2]];
+                        out.iter_mut().zip(from).for_each(|(sum, value)| *sum += weight * value);
+                    } else {
+                        let from = &from[row * shape[2]..][..shape[2]];
+                        let (before, n) = (k.min(0).unsigned_abs().min(shape[2]), shape[2]);
+                        let inside = before..n.saturating_sub(k.max(0) as usize).max(before);
+                        let edges = (0..inside.start).chain(inside.end..n);
+                        edges.for_each(|x| out[x] += weight * from[near(x, k)]);
+                        if !inside.is_empty() {
+                            let from = &from[inside.start.wrapping_add_signed(k)..];
+                            let sums = out[inside].iter_mut().zip(from);
+                            sums.for_each(|(sum, value)| *sum += weight * value);
+                        }
+                    }
+                }
             });
         }
     }

@@ -32,7 +32,7 @@ fn scan(scene: &Scene<'_>, first: usize, queries: &[i16], active: &[bool], out: 
             // Penalties only raise a cost.
             if (distance as f32) < best {
                 let candidate = set.match_at(at);
-                let cost = site.penalised(distance, candidate, at);
+                let cost = site.cost(distance, candidate, at);
                 if cost < best {
                     best = cost;
                     *found = candidate;

@@ -1,6 +1,6 @@
 //! Propagation and random sampling (PatchMatch, Barnes et al. 2009), from a frozen map.
 
-use super::{Scene, Search, Site};
+use super::{Scene, Search, Site, squared_distance};
 use crate::texture::match_map::Match;
 
 /// Radii, in voxels, of the random samples around a site's own match.
@@ -32,24 +32,53 @@ impl Search for Coherent {
     }
 }
 
+/// Sites whose candidates are looked up together: a look-up waits for memory, many wait at once.
+const GROUP: usize = 16;
+
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
 fn propagate(scene: &Scene<'_>, first: usize, queries: &[i16], active: &[bool], out: &mut [Match]) {
-    let dims = scene.neighbourhoods.dims();
-    for (i, found) in out.iter_mut().enumerate().filter(|(i, _)| active[*i]) {
-        let site = scene.site(first + i, &queries[i * dims..(i + 1) * dims]);
-        let (candidates, count) = candidates(&site);
-        let mut best = f32::INFINITY;
-        for (k, &candidate) in candidates[..count].iter().enumerate() {
-            if candidates[..k].contains(&candidate) {
-                continue;
+    let set = scene.neighbourhoods;
+    let dims = set.dims();
+    let mut sites: Vec<Site<'_>> = Vec::with_capacity(GROUP);
+    let mut lists: Vec<Candidate> = Vec::with_capacity(GROUP * CANDIDATES);
+    for from in (0..out.len()).step_by(GROUP) {
+        sites.clear();
+        lists.clear();
+        for i in (from..out.len().min(from + GROUP)).filter(|&i| active[i]) {
+            let site = scene.site(first + i, &queries[i * dims..(i + 1) * dims]);
+            let (found, count) = candidates(&site);
+            let before = lists.len();
+            for &found in &found[..count] {
+                let at = set.index(found);
+                if lists[before..].iter().all(|other| other.at != at) {
+                    lists.push(Candidate { site: sites.len(), found, at, distance: 0 });
+                }
             }
-            let cost = site.cost(candidate);
-            if cost < best {
-                best = cost;
-                *found = candidate;
+            sites.push(site);
+        }
+        for candidate in &mut lists {
+            let query = sites[candidate.site].query;
+            candidate.distance = squared_distance(query, set.descriptor(candidate.at));
+        }
+        let mut least = [f32::INFINITY; GROUP];
+        for candidate in &lists {
+            let site = &sites[candidate.site];
+            let cost = site.cost(candidate.distance, candidate.found, candidate.at);
+            if cost < least[candidate.site] {
+                least[candidate.site] = cost;
+                out[site.index - first] = candidate.found;
             }
         }
     }
+}
+
+/// A window that a site may match.
+struct Candidate {
+    /// Which site of the group.
+    site: usize,
+    found: Match,
+    at: usize,
+    distance: i32,
 }
 
 #[inline(always)]

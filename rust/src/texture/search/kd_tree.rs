@@ -118,7 +118,7 @@ impl Search for KdTree {
             let mut best = f32::INFINITY;
             for (distance, at) in ranked {
                 let candidate = set.match_at(at);
-                let cost = site.penalised(distance, candidate, at);
+                let cost = site.cost(distance, candidate, at);
                 if cost < best {
                     best = cost;
                     *found = candidate;

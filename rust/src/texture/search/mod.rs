@@ -78,14 +78,7 @@ impl Site<'_> {
     /// Cost of a candidate: the descriptor distance, raised for windows that are used too often, plus
     /// the penalty for continuing a verbatim copy.
     #[inline(always)]
-    fn cost(&self, candidate: Match) -> f32 {
-        let at = self.scene.neighbourhoods.index(candidate);
-        let distance = squared_distance(self.query, self.scene.neighbourhoods.descriptor(at));
-        self.penalised(distance, candidate, at)
-    }
-
-    #[inline(always)]
-    fn penalised(&self, distance: i32, candidate: Match, at: usize) -> f32 {
+    fn cost(&self, distance: i32, candidate: Match, at: usize) -> f32 {
         let mut cost = distance as f32;
         if let Some(histogram) = &self.scene.histogram {
             cost *= histogram.weight(at);

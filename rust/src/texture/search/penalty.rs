@@ -53,32 +53,49 @@ pub struct RunPenalty {
 
 /// Where the copies at the six far sites would continue at this site.
 pub struct Continuations {
-    expected: [(u16, [i32; 3]); 6],
+    orientation: [i32; LANES],
+    /// Along each axis.
+    origin: [[i32; LANES]; 3],
 }
+
+/// Far sites, and two that are none, so that all are compared at once.
+const LANES: usize = 8;
+
+/// No orientation.
+const NOWHERE: i32 = -1;
 
 impl Continuations {
     /// Looks the six sites up.
     pub(super) fn new(scene: &Scene<'_>, links: [&Links; 3]) -> Self {
         let [_, ny, nx] = scene.previous.lattice.sites();
         let own = links.map(|l| l.own);
-        let expected = std::array::from_fn(|i| {
+        let mut expected = Self { orientation: [NOWHERE; LANES], origin: [[0; LANES]; 3] };
+        for i in 0..6 {
             let (axis, side) = (i / 2, i % 2);
-            let Some(far) = links[axis].far[side] else { return (u16::MAX, [0; 3]) };
+            let Some(far) = links[axis].far[side] else { continue };
             let mut at = own;
             at[axis] = far;
             let found = scene.previous.matches[(at[0].index * ny + at[1].index) * nx + at[2].index];
-            (found.orientation, std::array::from_fn(|a| i32::from(found.origin[a]) + at[a].step))
-        });
-        Self { expected }
+            expected.orientation[i] = i32::from(found.orientation);
+            for (a, origin) in expected.origin.iter_mut().enumerate() {
+                origin[i] = i32::from(found.origin[a]) + at[a].step;
+            }
+        }
+        expected
     }
 
     /// How many of the six sites a candidate continues.
     #[inline(always)]
     pub(super) fn count(&self, candidate: Match) -> f32 {
-        let continues = |(orientation, origin): &(u16, [i32; 3])| {
-            *orientation == candidate.orientation
-                && (0..3).all(|a| (i32::from(candidate.origin[a]) - origin[a]).abs() <= 1)
-        };
-        self.expected.iter().map(|e| f32::from(u8::from(continues(e)))).sum()
+        let orientation = i32::from(candidate.orientation);
+        let [z, y, x] = candidate.origin.map(i32::from);
+        let mut count = 0;
+        for i in 0..LANES {
+            // At most one voxel off along each axis.
+            let off = (self.origin[0][i] - z).abs().max((self.origin[1][i] - y).abs());
+            let off = off.max((self.origin[2][i] - x).abs());
+            count += i32::from(off <= 1 && self.orientation[i] == orientation);
+        }
+        count as f32
     }
 }
