@@ -85,6 +85,16 @@ fn a_slab_is_as_thick_as_it_is() {
 }
 
 #[test]
+fn radii_that_do_not_fit_into_sixteen_bits() {
+    let mut phase = Array3::from_elem((300, 3, 2), true);
+    phase.slice_mut(s![0, .., ..]).fill(false);
+    let found = thickness(phase.view(), [1.0; 3], Boundary::Open);
+    // The ball in the last plane holds all others.
+    assert!(found.slice(s![1.., .., ..]).iter().all(|&t| (t - 597.0).abs() < 1e-3), "{found}");
+    assert!(found.slice(s![0, .., ..]).iter().all(|&t| t == 0.0));
+}
+
+#[test]
 fn empty_and_full_volumes() {
     let none = Array3::from_elem((0, 3, 3), true);
     assert!(thickness(none.view(), [1.0; 3], Boundary::Open).is_empty());
