@@ -159,8 +159,8 @@ def local_thickness(
     an edge along an axis, something between for other directions.
 
     Peak memory besides the result: 6 bytes a voxel (12 where a radius is above 127 voxels, 16 if
-    voxels are no cubes) and 24 bytes a ball that is not part of a neighbour's, of which there is one
-    in five voxels of blobs and of foams.
+    voxels are no cubes) and 24 bytes a ball that is not part of a neighbour's: one in five voxels
+    of blobs and of foams.
     """
     size = scale_of(solid, voxel_size).voxel_size
     array = as_phase(solid, phase=phase)
