@@ -25,7 +25,7 @@ for race in RACES:
     def _(solid: np.ndarray, threads: int = 0) -> np.ndarray:
         return poresynth.metrics.local_thickness(solid, threads=threads)
 
-    @race.contestant("PoreSpy, balls, whole radii", "porespy", most=256)
+    @race.contestant("PoreSpy, balls, whole radii", "porespy")
     def _(solid: np.ndarray) -> np.ndarray:
         from porespy.filters import local_thickness
 
