@@ -14,6 +14,24 @@ pub enum Boundary {
     Periodic,
 }
 
+impl Boundary {
+    /// The place before one along an axis of `n`; none beyond an open border.
+    pub const fn before(self, i: usize, n: usize) -> Option<usize> {
+        match self {
+            Self::Open => i.checked_sub(1),
+            Self::Periodic => Some((i + n - 1) % n),
+        }
+    }
+
+    /// The place after one along an axis of `n`; none beyond an open border.
+    pub const fn after(self, i: usize, n: usize) -> Option<usize> {
+        match self {
+            Self::Open if i + 1 == n => None,
+            Self::Open | Self::Periodic => Some((i + 1) % n),
+        }
+    }
+}
+
 impl std::str::FromStr for Boundary {
     type Err = Error;
 

@@ -32,8 +32,7 @@ use crate::volume::Boundary;
 /// in the memory order of the phase.
 ///
 /// Memory: 6 bytes a voxel besides `out` (12 if a radius is above 127 voxels, 16 if voxels are no
-/// cubes), and then 24 bytes a ball that is kept, of
-/// which there is one in five voxels of blobs and of foams.
+/// cubes), and then 24 bytes a ball that is kept: one in five voxels of blobs and of foams.
 pub fn local_thickness(
     phase: ArrayView3<'_, bool>,
     voxel_size: [f64; 3],
@@ -57,7 +56,7 @@ pub fn local_thickness(
     Ok(())
 }
 
-fn fill<T: Lane + Kept<T> + Default>(
+fn fill<T: Lane + Kept<T>>(
     balls: Balls<T>,
     space: &Space,
     phase: ArrayView3<'_, bool>,

@@ -88,24 +88,18 @@ pub fn gaussian(field: &Field, sigma: f32, boundary: Boundary) -> Field {
             let rows = out.channel_mut(c).par_chunks_mut(shape[2]);
             rows.enumerate().for_each(|(row, out)| {
                 out.fill(0.0);
-                for (k, &weight) in (-radius..=radius).zip(&weights) {
-                    if axis < 2 {
-                        let mut at = [row / shape[1], row % shape[1], 0];
-                        at[axis] = near(at[axis], k);
-                        let from = &from[index(shape, at)..][..shape[2]];
-                        out.iter_mut().zip(from).for_each(|(sum, value)| *sum += weight * value);
+                let own = &from[row * shape[2]..][..shape[2]];
+                let places = if axis == 2 { -radius..shape[2] as isize + radius } else { 0..0 };
+                let padded: Vec<f32> = places.map(|i| own[near(0, i)]).collect();
+                for (k, &weight) in weights.iter().enumerate() {
+                    let mut at = [row / shape[1], row % shape[1], 0];
+                    let from = if axis == 2 {
+                        &padded[k..]
                     } else {
-                        let from = &from[row * shape[2]..][..shape[2]];
-                        let (before, n) = (k.min(0).unsigned_abs().min(shape[2]), shape[2]);
-                        let inside = before..n.saturating_sub(k.max(0) as usize).max(before);
-                        let edges = (0..inside.start).chain(inside.end..n);
-                        edges.for_each(|x| out[x] += weight * from[near(x, k)]);
-                        if !inside.is_empty() {
-                            let from = &from[inside.start.wrapping_add_signed(k)..];
-                            let sums = out[inside].iter_mut().zip(from);
-                            sums.for_each(|(sum, value)| *sum += weight * value);
-                        }
-                    }
+                        at[axis] = near(at[axis], k as isize - radius);
+                        &from[index(shape, at)..]
+                    };
+                    out.iter_mut().zip(from).for_each(|(sum, value)| *sum += weight * value);
                 }
             });
         }

@@ -49,7 +49,7 @@ impl Lattice {
 }
 
 /// Squared distances as they are kept between the passes.
-pub(crate) trait Kept<T: Lane>: Copy + Send + Sync + 'static {
+pub(crate) trait Kept<T: Lane>: Copy + Default + Send + Sync + 'static {
     /// The steps of the passes in planes.
     fn steps_in_planes(steps: Steps<T>) -> Steps<T>;
     fn keep(lanes: &[T], kept: &mut [Self]);
@@ -283,7 +283,7 @@ pub(crate) struct Columns<T, V> {
     envelope: Envelope,
 }
 
-impl<T: Lane, V: Kept<T> + Default> Columns<T, V> {
+impl<T: Lane, V: Kept<T>> Columns<T, V> {
     pub(crate) fn new(nz: usize, steps: &Steps<T>) -> Self {
         let padding = padding(steps.farthest());
         Self {

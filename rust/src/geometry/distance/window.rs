@@ -357,11 +357,11 @@ fn lower<T: Lane, const N: usize>(
     largest(&most)
 }
 
-/// Halves the lanes until one is left, which vectorises.
+/// Halves the values, a power of two, until one is left, which vectorises.
 #[inline(always)]
-fn largest<T: Lane>(values: &[T; LANES]) -> T {
+pub(crate) fn largest<T: Copy + PartialOrd, const N: usize>(values: &[T; N]) -> T {
     let mut values = *values;
-    let mut width = LANES / 2;
+    let mut width = N / 2;
     while width > 0 {
         for i in 0..width {
             if values[i + width] > values[i] {

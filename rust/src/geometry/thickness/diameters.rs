@@ -20,7 +20,7 @@ pub(super) struct Balls<T> {
     pub rank: Array3<T>,
 }
 
-impl<T: Lane + Kept<T> + Default> Balls<T> {
+impl<T: Lane + Kept<T>> Balls<T> {
     /// None if squares are too large to be kept, or if there are no voxels.
     pub(super) fn new(
         phase: ArrayView3<'_, bool>,
@@ -102,7 +102,7 @@ struct Work<T> {
     ranks: [Vec<T>; 2],
 }
 
-impl<T: Lane + Kept<T> + Default> Work<T> {
+impl<T: Lane + Kept<T>> Work<T> {
     fn new(along_z: &AlongZ<T>) -> Self {
         let lines = || vec![T::default(); along_z.nz * LANES];
         Self {
@@ -196,10 +196,10 @@ fn raise_beside<T: Lane>(
         for (y, mut row) in rank.rows_mut().into_iter().enumerate() {
             let Some(row) = row.as_slice_mut() else { continue };
             // The values before a row and after it; beyond an open border there are none.
-            let beside = match (half[0], boundary) {
-                (false, _) => [Some(y), None],
-                (true, Boundary::Periodic) => [Some((y + ny - 1) % ny), Some(y)],
-                (true, Boundary::Open) => [y.checked_sub(1), Some(y).filter(|y| y + 1 < ny)],
+            let beside = if half[0] {
+                [boundary.before(y, ny), boundary.after(y, ny).map(|_| y)]
+            } else {
+                [Some(y), None]
             };
             for from in beside.into_iter().flatten() {
                 let values = values.row(from);

@@ -112,12 +112,13 @@ impl Tile {
         let [depths, heights] = extents(&placed.ball, size);
         let mut planes = self.planes & span(placed.at[0], depths);
         let heights = span(placed.at[1], heights);
+        let diameter = space.diameter(placed.ball.rank);
         while planes != 0 {
             let z = planes.trailing_zeros() as usize;
             planes &= planes - 1;
             let rows = self.rows[z] & heights;
             if rows != 0 {
-                self.paint_plane(placed, space.diameter(placed.ball.rank), size, z, rows);
+                self.paint_plane(placed, diameter, size, z, rows);
             }
         }
     }

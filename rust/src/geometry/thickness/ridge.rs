@@ -9,7 +9,7 @@ use super::cells::{CELL, Slab};
 use super::diameters::Balls;
 use crate::error::Result;
 use crate::geometry::distance::transform::Kept;
-use crate::geometry::distance::window::Lane;
+use crate::geometry::distance::window::{Lane, largest};
 use crate::monitor::Monitor;
 use crate::volume::Boundary;
 
@@ -46,7 +46,7 @@ pub(super) struct Ball {
 ///
 /// Balls that are as thick as each other are in order, so that following the neighbours never leads
 /// back.
-pub(super) fn ridge<T: Lane + Kept<T> + Default>(
+pub(super) fn ridge<T: Lane + Kept<T>>(
     balls: &Balls<T>,
     space: &Space,
     monitor: &Monitor<'_>,
@@ -104,13 +104,7 @@ impl Rows {
     /// Loads what comes before the first row of a plane, and that row.
     fn begin<T: Lane + Kept<T>>(&mut self, balls: &Balls<T>, z: usize, boundary: Boundary) {
         let ny = balls.reach.dim().1;
-        self.load_row(
-            balls,
-            z,
-            Some(ny - 1).filter(|_| boundary == Boundary::Periodic),
-            2,
-            boundary,
-        );
+        self.load_row(balls, z, boundary.before(0, ny), 2, boundary);
         self.load_row(balls, z, Some(0), 0, boundary);
     }
 
@@ -121,7 +115,7 @@ impl Rows {
         [z, y]: [usize; 2],
         boundary: Boundary,
     ) {
-        let next = after(y, balls.reach.dim().1, boundary);
+        let next = boundary.after(y, balls.reach.dim().1);
         self.load_row(balls, z, next, y + 1, boundary);
     }
 
@@ -135,13 +129,13 @@ impl Rows {
         boundary: Boundary,
     ) {
         let (nz, _, nx) = balls.reach.dim();
-        let planes = [before(z, nz, boundary), Some(z), after(z, nz, boundary)];
+        let planes = [boundary.before(z, nz), Some(z), boundary.after(z, nz)];
         for (plane, z) in planes.into_iter().enumerate() {
             let place = Self::place(plane, place);
             let both = [(&balls.reach, &mut self.reach), (&balls.rank, &mut self.rank)];
             for (all, rows) in both {
                 let row = &mut rows[place];
-                let Some([z, y]) = z.zip(y).map(|(z, y)| [z, y]) else {
+                let Some((z, y)) = z.zip(y) else {
                     row.fill(0.0);
                     continue;
                 };
@@ -175,7 +169,7 @@ impl Rows {
 
     /// In which row a neighbour is kept, and where the neighbour of the first voxel is in it.
     const fn neighbour(y: usize, [dz, dy, dx]: [i32; 3]) -> (usize, usize) {
-        (Self::place((dz + 1) as usize, y + (dy + 4) as usize - 1), (dx + 1) as usize)
+        (Self::place((dz + 1) as usize, y + (dy + 3) as usize), (dx + 1) as usize)
     }
 
     fn ball(&self, at: [usize; 3], shape: [usize; 3], needed: &Needed) -> Ball {
@@ -216,19 +210,12 @@ fn leaves_least(around: &Around, later: u32, lengths: &[f32; BLOCK]) -> Option<u
         let leads = other_rank > rank || (other_rank >= rank && as_thick);
         beyond[i] = if leads { from } else { f32::NEG_INFINITY };
     }
-    let mut most = beyond;
-    let mut width = BLOCK / 2;
-    while width > 0 {
-        for i in 0..width {
-            most[i] = if most[i + width] > most[i] { most[i + width] } else { most[i] };
-        }
-        width /= 2;
-    }
+    let most = largest(&beyond);
     let mut which = 0;
     for (i, &from) in beyond.iter().enumerate() {
-        which |= u32::from(from >= most[0]) << i;
+        which |= u32::from(from >= most) << i;
     }
-    (most[0] > f32::NEG_INFINITY).then_some(which.trailing_zeros() as usize)
+    (most > f32::NEG_INFINITY).then_some(which.trailing_zeros() as usize)
 }
 
 /// Which neighbours come later in the volume than a voxel, as bits.
@@ -253,27 +240,13 @@ const fn class([dz, dy, dx]: [i32; 3]) -> usize {
     4 * (dz & 1) as usize + 2 * (dy & 1) as usize + (dx & 1) as usize
 }
 
-fn before(i: usize, n: usize, boundary: Boundary) -> Option<usize> {
-    match boundary {
-        Boundary::Open => i.checked_sub(1),
-        Boundary::Periodic => Some((i + n - 1) % n),
-    }
-}
-
-fn after(i: usize, n: usize, boundary: Boundary) -> Option<usize> {
-    match boundary {
-        Boundary::Open => Some(i + 1).filter(|&i| i < n),
-        Boundary::Periodic => Some((i + 1) % n),
-    }
-}
-
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
-fn mark_parts(part: &mut [bool], squares: (&[f32], &[f32]), diameters: (&[f32], &[f32])) {
+fn mark_parts(part: &mut [bool], squares: (&[f32], &[f32]), ranks: (&[f32], &[f32])) {
     let squares = squares.0.iter().zip(squares.1);
-    let diameters = diameters.0.iter().zip(diameters.1);
-    for ((part, (square, needed)), (diameter, own)) in part.iter_mut().zip(squares).zip(diameters) {
+    let ranks = ranks.0.iter().zip(ranks.1);
+    for ((part, (square, needed)), (rank, own)) in part.iter_mut().zip(squares).zip(ranks) {
         let holds = square >= needed;
-        *part |= holds && diameter >= own;
+        *part |= holds && rank >= own;
     }
 }
 
