@@ -109,7 +109,6 @@ def count_levels(exemplar: Volume | npt.ArrayLike, volume: Volume | npt.ArrayLik
     high = max(float(e.max()), float(v.max()))
     integers = all(a.dtype.kind in "bui" and a.dtype.itemsize <= 2 for a in (e, v))
     bins = int(high - low) + 1 if integers else BINS
-    step = (high - low) / (bins - 1) if bins > 1 and high > low else 1.0
     counts = np.zeros((2, bins), np.int64)
     for count, array in zip(counts, (e, v), strict=True):
         for plane in array:
@@ -117,9 +116,11 @@ def count_levels(exemplar: Volume | npt.ArrayLike, volume: Volume | npt.ArrayLik
             if integers:
                 index = flat.astype(np.intp) - int(low)
             else:
-                index = np.rint((flat.astype(float) - low) / step).astype(np.intp)
+                # A share first: the width of a bin is 0 where the range is of the smallest floats.
+                share = (flat.astype(float) - low) / ((high - low) or 1.0)
+                index = np.rint(share * (bins - 1)).astype(np.intp)
             count += np.bincount(index, minlength=bins)
-    return LevelCounts(low + step * np.arange(bins), counts[0], counts[1])
+    return LevelCounts(np.linspace(low, high, bins), counts[0], counts[1])
 
 
 def mean_gradient(volume: Volume | npt.ArrayLike) -> float:
