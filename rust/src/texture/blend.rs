@@ -123,16 +123,18 @@ impl Slab<'_> {
                 }
                 let start = (z - self.first) * plane;
                 let layer = Layer { source, map, weights, sz, dz };
-                layer.add_ones(&mut self.weight[start..start + plane]);
-                for c in 0..self.mean.len() {
-                    layer.add(source.field.channel(c), &mut self.mean[c][start..start + plane]);
-                    if let Some(laplacian) = source.laplacian {
-                        layer.add(
-                            laplacian.channel(c),
-                            &mut self.laplacian[c][start..start + plane],
-                        );
-                    }
+                let plane = start..start + plane;
+                let mut sums = vec![(None, &mut self.weight[plane.clone()])];
+                for (c, mean) in self.mean.iter_mut().enumerate() {
+                    sums.push((Some(source.field.channel(c)), &mut mean[plane.clone()]));
                 }
+                let laplacians = source.laplacian.iter().zip(&mut self.laplacian);
+                sums.extend(
+                    laplacians
+                        .enumerate()
+                        .map(|(c, (from, sum))| (Some(from.channel(c)), &mut sum[plane.clone()])),
+                );
+                add_layer(&layer, &mut sums);
             }
         }
     }
@@ -171,23 +173,6 @@ struct Layer<'a> {
 }
 
 impl Layer<'_> {
-    fn add(&self, values: &[f32], plane: &mut [f32]) {
-        add_layer(self, values, plane);
-    }
-
-    fn add_ones(&self, plane: &mut [f32]) {
-        let window = self.map.lattice.window;
-        let [_, _, nx] = self.map.lattice.shape;
-        self.for_each_site(|ox, rows, _, weight| {
-            for &y in rows {
-                let row = &mut plane[y * nx..(y + 1) * nx];
-                let head = window.min(nx - ox);
-                row[ox..ox + head].iter_mut().for_each(|v| *v += weight);
-                row[..window - head].iter_mut().for_each(|v| *v += weight);
-            }
-        });
-    }
-
     /// Calls `visit(x origin, output rows, match, weight)` for the sites of the layer, in order.
     #[inline(always)]
     fn for_each_site(&self, mut visit: impl FnMut(usize, &[usize], Match, f32)) {
@@ -197,42 +182,47 @@ impl Layer<'_> {
         for (sy, &oy) in origins[1].iter().enumerate() {
             rows.clear();
             rows.extend((oy..oy + window).map(|y| y % shape[1]));
-            for (sx, &ox) in origins[2].iter().enumerate() {
+            // Every second site first: neighbours overlap, and a sum waits for the one just stored.
+            for sx in (0..nx).step_by(2).chain((1..nx).step_by(2)) {
                 let site = (self.sz * ny + sy) * nx + sx;
                 let m = self.map.matches[site];
                 if m.is_some() {
-                    visit(ox, &rows, m, self.weights[site]);
+                    visit(origins[2][sx], &rows, m, self.weights[site]);
                 }
             }
         }
     }
 }
 
+/// Adds the rows of some arrays, or ones, each times its site's weight, to a plane of sums of each.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
-fn add_layer(layer: &Layer<'_>, values: &[f32], plane: &mut [f32]) {
+fn add_layer(layer: &Layer<'_>, sums: &mut [(Option<&[f32]>, &mut [f32])]) {
     let window = layer.map.lattice.window;
     let nx = layer.map.lattice.shape[2];
+    let ones = vec![1.0; window];
     layer.for_each_site(|ox, rows, m, weight| {
         let view = &layer.source.views[usize::from(m.orientation)];
         let [mz, my, mx] = m.origin.map(usize::from);
         let head = window.min(nx - ox);
         for (dy, &y) in rows.iter().enumerate() {
             let start = view.index([mz + layer.dz, my + dy, mx]);
-            let row = &mut plane[y * nx..(y + 1) * nx];
-            if view.stride[2] == 1 {
-                let from = &values[start..start + window];
+            for (values, plane) in &mut *sums {
+                let row = &mut plane[y * nx..(y + 1) * nx];
+                if let Some(values) = values.filter(|_| view.stride[2] != 1) {
+                    let mut at = start as isize;
+                    for dx in 0..window {
+                        let x = if dx < head { ox + dx } else { dx - head };
+                        row[x] += weight * values[at as usize];
+                        at += view.stride[2];
+                    }
+                    continue;
+                }
+                let from = values.map_or(&ones[..], |values| &values[start..start + window]);
                 if head == window {
                     add_row(&mut row[ox..ox + window], from, weight);
                 } else {
                     add_row(&mut row[ox..], &from[..head], weight);
                     add_row(&mut row[..window - head], &from[head..], weight);
-                }
-            } else {
-                let mut at = start as isize;
-                for dx in 0..window {
-                    let x = if dx < head { ox + dx } else { dx - head };
-                    row[x] += weight * values[at as usize];
-                    at += view.stride[2];
                 }
             }
         }

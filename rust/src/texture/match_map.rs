@@ -23,6 +23,13 @@ impl Match {
         self.orientation != u16::MAX
     }
 
+    /// All of it in one number.
+    #[inline(always)]
+    pub(super) const fn packed(self) -> u64 {
+        let [z, y, x] = self.origin;
+        (self.orientation as u64) << 48 | (z as u64) << 32 | (y as u64) << 16 | x as u64
+    }
+
     /// The match that continues this one `step` voxels on, pushed inside an exemplar whose largest
     /// window origin is `limit`.
     #[must_use]
@@ -46,6 +53,13 @@ pub struct MatchMap {
 }
 
 impl MatchMap {
+    /// The match of a site.
+    #[inline(always)]
+    pub(super) fn at(&self, [z, y, x]: [usize; 3]) -> Match {
+        let [_, ny, nx] = self.lattice.sites();
+        self.matches[(z * ny + y) * nx + x]
+    }
+
     /// The map on a grid of twice the resolution, for an output of this shape.
     #[must_use]
     pub fn doubled(&self, shape: Shape) -> Self {

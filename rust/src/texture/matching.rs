@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::field::Field;
 use super::lattice::Lattice;
 use super::match_map::Match;
-use super::neighbourhoods::{BLOCK, Projection, copy_row};
+use super::neighbourhoods::{BLOCK, Projection, copy_rows};
 use super::search::{Scene, Search};
 use crate::error::Result;
 use crate::monitor::Monitor;
@@ -107,10 +107,15 @@ pub(super) fn match_sites(
                 backend.search(scene, first, &scratch.queries, active, matches);
                 scratch.candidate.resize(length, 0.0);
                 for i in (0..count).filter(|&i| active[i]) {
-                    set.gather(matches[i], &mut scratch.candidate);
                     let own = &mut scratch.windows[i * length..(i + 1) * length];
-                    let fit = compare(own, &scratch.candidate, set.window(), gradients);
-                    (data[i], gradient[i]) = fit;
+                    if gradients {
+                        set.gather(matches[i], &mut scratch.candidate);
+                        own.iter_mut().zip(&scratch.candidate).for_each(|(a, b)| *a -= b);
+                        data[i] = own.iter().map(|d| d * d).sum::<f32>() / length as f32;
+                        gradient[i] = mean_square_gradient(own, set.window());
+                    } else {
+                        data[i] = set.mean_square_difference(matches[i], own);
+                    }
                     weights[i] = (data[i].sqrt() + FLOOR).powf(exponent - 2.0);
                 }
                 Ok(())
@@ -132,14 +137,17 @@ struct Scratch {
 fn gather(field: &Field, origin: [usize; 3], window: usize, out: &mut [f32]) {
     let [nz, ny, nx] = field.shape();
     let head = window.min(nx - origin[2]);
+    let line = |row: usize| {
+        let (z, y) = ((origin[0] + row / window) % nz, (origin[1] + row % window) % ny);
+        (z * ny + y) * nx
+    };
     for (c, out) in out.chunks_exact_mut(window.pow(3)).enumerate() {
         let values = field.channel(c);
-        for (row, out) in out.chunks_exact_mut(window).enumerate() {
-            let (z, y) = ((origin[0] + row / window) % nz, (origin[1] + row % window) % ny);
-            let line = &values[(z * ny + y) * nx..][..nx];
-            if head == window {
-                copy_row(&line[origin[2]..origin[2] + window], out);
-            } else {
+        if head == window {
+            copy_rows(values, window, |row| line(row) + origin[2], out);
+        } else {
+            for (row, out) in out.chunks_exact_mut(window).enumerate() {
+                let line = &values[line(row)..][..nx];
                 out[..head].copy_from_slice(&line[origin[2]..]);
                 out[head..].copy_from_slice(&line[..window - head]);
             }
@@ -147,24 +155,12 @@ fn gather(field: &Field, origin: [usize; 3], window: usize, out: &mut [f32]) {
     }
 }
 
-/// Mean squared difference of two windows, and of their gradients if wanted; `a` becomes the
-/// difference.
+/// Mean squared gradient of a difference of windows: of each pair of neighbouring voxels, for both.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
-fn compare(a: &mut [f32], b: &[f32], w: usize, gradients: bool) -> (f32, f32) {
-    let mut sums = [0.0f32; 8];
-    for (a, b) in a.chunks_mut(8).zip(b.chunks(8)) {
-        for ((s, a), b) in sums.iter_mut().zip(a).zip(b) {
-            *a -= b;
-            *s += *a * *a;
-        }
-    }
-    let data = sums.iter().sum::<f32>() / a.len() as f32;
-    if !gradients {
-        return (data, 0.0);
-    }
+fn mean_square_gradient(difference: &[f32], w: usize) -> f32 {
     let (plane, cube) = (w * w, w * w * w);
     let mut gradient = 0.0f32;
-    for d in a.chunks_exact(cube) {
+    for d in difference.chunks_exact(cube) {
         gradient += square_difference(&d[..cube - plane], &d[plane..]);
         for layer in d.chunks_exact(plane) {
             gradient += square_difference(&layer[..plane - w], &layer[w..]);
@@ -178,8 +174,7 @@ fn compare(a: &mut [f32], b: &[f32], w: usize, gradients: bool) -> (f32, f32) {
             .map(|(a, b)| (a - b) * (a - b))
             .sum::<f32>();
     }
-    // Each pair counts for both of its voxels.
-    (data, 2.0 * gradient.max(0.0) / a.len() as f32)
+    2.0 * gradient.max(0.0) / difference.len() as f32
 }
 
 #[inline(always)]

@@ -8,6 +8,7 @@
 pub mod blend;
 pub mod carry;
 pub mod copying;
+mod cosines;
 pub mod engine;
 pub mod field;
 pub mod lattice;

@@ -1,11 +1,12 @@
 //! All complete windows of the exemplar, as short quantised descriptors.
 
-use ndarray::{Array2, ArrayView2};
+use ndarray::{Array2, ArrayView2, linalg::general_mat_mul};
 use rayon::prelude::*;
 
+use super::cosines::Cosines;
 use super::field::Field;
 use super::match_map::Match;
-use super::pca::Basis;
+use super::pca::{Basis, product};
 use super::symmetry::{Orientation, View};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
@@ -15,6 +16,13 @@ use crate::volume::{Shape, position, voxels};
 /// Windows from which the principal directions are learned. With 4096 of them the captured variance
 /// is within 1 % of that of all windows on bone, sandstone and foam.
 const SAMPLES: usize = 4096;
+
+/// Cosines for each principal component. With two, 32 components hold at least 99.4 % of the variance
+/// that they hold without the detour, on distances 99.9 % (bone, sandstone, foam, windows 8 and 10).
+const COSINES: usize = 2;
+
+/// Planes of windows that a task describes.
+const PLANES: usize = 8;
 
 /// Windows a task projects at once: their vectors at window 8 fill half of a 512 KB cache.
 pub const BLOCK: usize = 128;
@@ -31,6 +39,7 @@ pub struct Neighbourhoods<'a> {
     window: usize,
     views: Vec<View>,
     starts: Vec<usize>,
+    limits: Vec<Shape>,
     basis: Basis,
     dims: usize,
     scale: f32,
@@ -73,9 +82,10 @@ impl<'a> Neighbourhoods<'a> {
         let mut this = Self {
             field,
             window,
+            limits: views.iter().map(|view| view.shape.map(|n| n - window)).collect(),
             views,
             starts,
-            basis: Basis::fit(&mut Array2::zeros((1, 1)), 1, 1.0, key),
+            basis: Basis::fit(&mut Array2::zeros((1, 1)), 1, 1.0, 0.0, key),
             dims: 0,
             scale: 1.0,
             limit: 0.0,
@@ -88,28 +98,42 @@ impl<'a> Neighbourhoods<'a> {
                 this.gather(this.match_at(at), row);
             }
         }
-        this.basis = Basis::fit(&mut samples, cap, share, key.with(1));
-        this.dims = this.basis.dims().next_multiple_of(16);
+        let cosines = Cosines::choose(samples.view(), window, COSINES * cap);
+        let matrix = cosines.matrix(field.channels());
+        let mut coefficients = product(samples.view(), matrix.view());
+        drop(samples);
+        let mut basis = Basis::fit(&mut coefficients, cap, share, cosines.lost, key.with(1));
+        this.dims = basis.dims().next_multiple_of(16);
         // The square of a sum of `dims` differences of two clipped values must fit an i32.
         this.limit = ((i32::MAX as f32 / this.dims as f32).sqrt() / 2.0).floor();
-        let largest = samples.dot(&this.basis.vectors).iter().fold(0.0f32, |m, v| m.max(v.abs()));
+        let largest = coefficients.dot(&basis.vectors).iter().fold(0.0f32, |m, v| m.max(v.abs()));
         this.scale = if largest > 0.0 { this.limit / (HEADROOM * largest) } else { 1.0 };
+        let of_cosines = basis.vectors;
+        basis.vectors = matrix.dot(&of_cosines);
+        this.basis = basis;
 
         let mut descriptors = vec![0i16; total * this.dims];
-        let dims = this.dims;
-        descriptors.par_chunks_mut(BLOCK * dims).enumerate().try_for_each_init(
-            || (Vec::new(), Projection::default()),
-            |(vectors, projection), (block, out)| {
-                monitor.check()?;
-                let count = out.len() / dims;
-                vectors.resize(count * length, 0.0);
-                for (i, vector) in vectors.chunks_exact_mut(length).enumerate() {
-                    this.gather(this.match_at(block * BLOCK + i), vector);
-                }
-                this.describe(vectors, projection, out);
-                Ok(())
-            },
-        )?;
+        for (o, view) in this.views.iter().enumerate() {
+            let [_, gy, gx] = view.shape.map(|n| n - window + 1);
+            let plane = gy * gx * this.dims;
+            descriptors[this.starts[o] * this.dims..this.starts[o + 1] * this.dims]
+                .par_chunks_mut(PLANES * plane)
+                .enumerate()
+                .try_for_each(|(task, out)| {
+                    monitor.check()?;
+                    let first = task * PLANES;
+                    let planes = first..first + out.len() / plane;
+                    let mut projected = Array2::zeros((gx, this.basis.dims()));
+                    cosines.visit_rows(field, view, planes, |z, y, coefficients| {
+                        let windows = coefficients.t();
+                        general_mat_mul(1.0, &windows, &of_cosines, 0.0, &mut projected);
+                        projected -= &this.basis.mean;
+                        let row = ((z - first) * gy + y) * gx * this.dims;
+                        this.quantise(&projected, &mut out[row..row + gx * this.dims]);
+                    });
+                    Ok(())
+                })?;
+        }
         this.descriptors = descriptors;
         Ok(this)
     }
@@ -155,11 +179,13 @@ impl<'a> Neighbourhoods<'a> {
     }
 
     /// Largest window origin under an orientation.
+    #[inline(always)]
     pub fn limit(&self, orientation: u16) -> Shape {
-        self.views[usize::from(orientation)].shape.map(|n| n - self.window)
+        self.limits[usize::from(orientation)]
     }
 
     /// Position of a window among all.
+    #[inline(always)]
     pub fn index(&self, m: Match) -> usize {
         let grid = self.limit(m.orientation).map(|n| n + 1);
         self.starts[usize::from(m.orientation)]
@@ -167,6 +193,7 @@ impl<'a> Neighbourhoods<'a> {
     }
 
     /// The window at a position.
+    #[inline(always)]
     pub fn match_at(&self, index: usize) -> Match {
         let orientation = self.starts.partition_point(|&s| s <= index) - 1;
         let grid = self.limit(orientation as u16).map(|n| n + 1);
@@ -175,6 +202,7 @@ impl<'a> Neighbourhoods<'a> {
     }
 
     /// Descriptor of the window at a position.
+    #[inline(always)]
     pub fn descriptor(&self, index: usize) -> &[i16] {
         &self.descriptors[index * self.dims..(index + 1) * self.dims]
     }
@@ -193,14 +221,35 @@ impl<'a> Neighbourhoods<'a> {
     pub fn gather(&self, m: Match, out: &mut [f32]) {
         let w = self.window;
         let view = self.view(m);
-        let origin = m.origin.map(usize::from);
+        let [z, y, x] = m.origin.map(usize::from);
+        let start = |row: usize| view.index([z + row / w, y + row % w, x]);
         for (c, out) in out.chunks_exact_mut(w * w * w).enumerate() {
             let values = self.field.channel(c);
-            for (row, out) in out.chunks_exact_mut(w).enumerate() {
-                let start = view.index([origin[0] + row / w, origin[1] + row % w, origin[2]]);
-                copy_strided(values, start, view.stride[2], out);
+            if view.stride[2] == 1 {
+                copy_rows(values, w, start, out);
+            } else {
+                for (row, out) in out.chunks_exact_mut(w).enumerate() {
+                    let mut at = start(row) as isize;
+                    for o in out {
+                        *o = values[at as usize];
+                        at += view.stride[2];
+                    }
+                }
             }
         }
+    }
+
+    /// Mean squared difference of a window and a vector of values.
+    pub fn mean_square_difference(&self, m: Match, values: &[f32]) -> f32 {
+        let w = self.window;
+        let view = self.view(m);
+        let [z, y, x] = m.origin.map(usize::from);
+        let start = |row: usize| view.index([z + row / w, y + row % w, x]);
+        let mut sum = 0.0;
+        for (c, own) in values.chunks_exact(w * w * w).enumerate() {
+            sum += squared_difference(self.field.channel(c), (start, view.stride[2]), w, own);
+        }
+        sum / values.len() as f32
     }
 
     /// Descriptors of vectors that lie one after the other.
@@ -212,12 +261,13 @@ impl<'a> Neighbourhoods<'a> {
         }
         let Ok(vectors) = ArrayView2::from_shape((rows, length), vectors) else { return };
         self.basis.project(vectors, &mut projection.0);
-        for (values, out) in projection.0.outer_iter().zip(out.chunks_exact_mut(self.dims)) {
-            for (o, v) in out.iter_mut().zip(&values) {
-                *o = (v * self.scale).round_ties_even().clamp(-self.limit, self.limit) as i16;
-            }
-            out[used..].fill(0);
-        }
+        self.quantise(&projection.0, out);
+    }
+
+    fn quantise(&self, projected: &Array2<f32>, out: &mut [i16]) {
+        let Some(values) = projected.as_slice() else { return };
+        let used = projected.ncols();
+        quantise(values, used, (self.scale, self.limit), out, self.dims);
     }
 }
 
@@ -225,34 +275,80 @@ impl<'a> Neighbourhoods<'a> {
 #[derive(Default)]
 pub struct Projection(Array2<f32>);
 
-/// Copies a row of a window. The usual lengths are copied in place: for four values a call of the
-/// library's copy costs more than the copy.
+/// Copies the rows of a cube of edge `w`, which start in `values` where `start` says.
+///
+/// The usual edges have loops of their own: for four values a call of the library's copy costs more
+/// than the copy.
 #[inline(always)]
-pub fn copy_row(from: &[f32], out: &mut [f32]) {
-    fn fixed<const N: usize>(from: &[f32], out: &mut [f32]) {
-        if let (Some(from), Some(out)) = (from.first_chunk::<N>(), out.first_chunk_mut::<N>()) {
-            *out = *from;
+pub fn copy_rows(values: &[f32], w: usize, start: impl Fn(usize) -> usize, out: &mut [f32]) {
+    #[inline(always)]
+    fn fixed<const W: usize>(values: &[f32], start: impl Fn(usize) -> usize, out: &mut [f32]) {
+        for (row, out) in out.as_chunks_mut::<W>().0.iter_mut().enumerate() {
+            if let Some(from) = values[start(row)..].first_chunk() {
+                *out = *from;
+            }
         }
     }
-    match out.len() {
-        4 => fixed::<4>(from, out),
-        8 => fixed::<8>(from, out),
-        10 => fixed::<10>(from, out),
-        n => out.copy_from_slice(&from[..n]),
+    match w {
+        4 => fixed::<4>(values, start, out),
+        8 => fixed::<8>(values, start, out),
+        10 => fixed::<10>(values, start, out),
+        _ => {
+            for (row, out) in out.chunks_exact_mut(w).enumerate() {
+                out.copy_from_slice(&values[start(row)..][..w]);
+            }
+        }
     }
 }
 
-/// Copies `out.len()` values that lie `stride` apart.
-#[inline(always)]
-pub fn copy_strided(values: &[f32], start: usize, stride: isize, out: &mut [f32]) {
-    if stride == 1 {
-        copy_row(&values[start..start + out.len()], out);
-        return;
+/// Rounds rows of `used` values, each times the scale and clipped, to rows of `dims` integers.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
+fn quantise(values: &[f32], used: usize, (scale, limit): (f32, f32), out: &mut [i16], dims: usize) {
+    for (values, out) in values.chunks_exact(used).zip(out.chunks_exact_mut(dims)) {
+        for (o, v) in out.iter_mut().zip(values) {
+            *o = (v * scale).round_ties_even().clamp(-limit, limit) as i16;
+        }
+        out[used..].fill(0);
     }
-    let mut at = start as isize;
-    for o in out {
-        *o = values[at as usize];
-        at += stride;
+}
+
+/// Summed squared difference of a cube of edge `w`, whose rows start in `values` where `start` says
+/// and go on in steps of `stride`, and its `own` values.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
+fn squared_difference(
+    values: &[f32],
+    (start, stride): (impl Fn(usize) -> usize, isize),
+    w: usize,
+    own: &[f32],
+) -> f32 {
+    #[inline(always)]
+    fn fixed<const W: usize>(values: &[f32], start: impl Fn(usize) -> usize, own: &[f32]) -> f32 {
+        let mut sums = [0.0f32; W];
+        for (row, own) in own.as_chunks::<W>().0.iter().enumerate() {
+            let from = &values[start(row)..][..W];
+            for i in 0..W {
+                let d = own[i] - from[i];
+                sums[i] += d * d;
+            }
+        }
+        sums.iter().sum()
+    }
+    match (w, stride) {
+        (4, 1) => fixed::<4>(values, start, own),
+        (8, 1) => fixed::<8>(values, start, own),
+        (10, 1) => fixed::<10>(values, start, own),
+        _ => {
+            let mut sum = 0.0;
+            for (row, own) in own.chunks_exact(w).enumerate() {
+                let mut at = start(row) as isize;
+                for o in own {
+                    let d = o - values[at as usize];
+                    sum += d * d;
+                    at += stride;
+                }
+            }
+            sum
+        }
     }
 }
 

@@ -27,16 +27,18 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// Fits at most `cap` directions, fewer where `share` of the variance needs no more.
+    /// Fits at most `cap` directions, fewer where `share` of the variance needs no more; `lost` is the
+    /// share of the variance that the samples do not show.
     ///
-    /// `samples` holds a vector a row and is centred in place. Randomised subspace iteration: no
-    /// covariance matrix is formed, because at window 10 it would have a million entries.
-    pub fn fit(samples: &mut Array2<f32>, cap: usize, share: f32, key: Key) -> Self {
+    /// `samples` holds a vector a row and is centred in place. Randomised subspace iteration: only the
+    /// leading directions are wanted.
+    pub fn fit(samples: &mut Array2<f32>, cap: usize, share: f32, lost: f64, key: Key) -> Self {
         let (m, n) = samples.dim();
         let mean = samples.mean_axis(Axis(0)).unwrap_or_else(|| Array1::zeros(n));
         *samples -= &mean;
         let x = samples.view();
-        let total = x.iter().map(|v| f64::from(v * v)).sum::<f64>() / m as f64;
+        let shown = x.iter().map(|v| f64::from(v * v)).sum::<f64>() / m as f64;
+        let total = shown / (1.0 - lost);
         let k = (cap + EXTRA).min(n).min(m);
         let mut v = Array2::from_shape_fn((n, k), |(i, j)| key.unit((i * k + j) as u64) - 0.5);
         orthonormalise(&mut v);
@@ -78,7 +80,7 @@ impl Basis {
 }
 
 /// `a · b`, rows in parallel.
-fn product(a: ArrayView2<'_, f32>, b: ArrayView2<'_, f32>) -> Array2<f32> {
+pub(super) fn product(a: ArrayView2<'_, f32>, b: ArrayView2<'_, f32>) -> Array2<f32> {
     let mut out = Array2::zeros((a.nrows(), b.ncols()));
     out.axis_chunks_iter_mut(Axis(0), ROWS)
         .into_par_iter()
@@ -170,7 +172,7 @@ mod tests {
     fn directions_are_orthonormal_and_capture_the_leading_variance() {
         let mut x = samples(600, 20);
         let plain = x.clone();
-        let basis = Basis::fit(&mut x, 6, 1.0, Key::new(2));
+        let basis = Basis::fit(&mut x, 6, 1.0, 0.0, Key::new(2));
         assert_eq!(basis.dims(), 6);
         let gram = basis.vectors.t().dot(&basis.vectors);
         for ((i, j), g) in gram.indexed_iter() {
@@ -189,16 +191,16 @@ mod tests {
     #[test]
     fn the_share_decides_the_number_of_directions() {
         let mut x = samples(400, 16);
-        let few = Basis::fit(&mut x.clone(), 16, 0.8, Key::new(3)).dims();
-        let many = Basis::fit(&mut x, 16, 0.99, Key::new(3)).dims();
+        let few = Basis::fit(&mut x.clone(), 16, 0.8, 0.0, Key::new(3)).dims();
+        let many = Basis::fit(&mut x, 16, 0.99, 0.0, Key::new(3)).dims();
         assert!(few < many, "{few} {many}");
     }
 
     #[test]
     fn one_sample_and_constant_samples_give_one_harmless_direction() {
-        let basis = Basis::fit(&mut Array2::from_elem((1, 8), 4.0), 4, 0.95, Key::new(4));
+        let basis = Basis::fit(&mut Array2::from_elem((1, 8), 4.0), 4, 0.95, 0.0, Key::new(4));
         assert_eq!(basis.variance, [0.0]);
-        let basis = Basis::fit(&mut Array2::from_elem((50, 8), 4.0), 4, 0.95, Key::new(4));
+        let basis = Basis::fit(&mut Array2::from_elem((50, 8), 4.0), 4, 0.95, 0.0, Key::new(4));
         assert_eq!(basis.variance, [0.0]);
     }
 }

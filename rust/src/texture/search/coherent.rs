@@ -1,6 +1,8 @@
 //! Propagation and random sampling (PatchMatch, Barnes et al. 2009), from a frozen map.
 
-use super::{Scene, Search, Site, squared_distance};
+use super::penalty::Continuations;
+use super::{Scene, Search, squared_distance};
+use crate::texture::lattice::Links;
 use crate::texture::match_map::Match;
 
 /// Radii, in voxels, of the random samples around a site's own match.
@@ -32,92 +34,108 @@ impl Search for Coherent {
     }
 }
 
-/// Sites whose candidates are looked up together: a look-up waits for memory, many wait at once.
+/// Sites that are searched side by side: what does not look anything up runs in their lanes, and what
+/// does waits for many places of the memory at once.
 const GROUP: usize = 16;
 
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
 fn propagate(scene: &Scene<'_>, first: usize, queries: &[i16], active: &[bool], out: &mut [Match]) {
     let set = scene.neighbourhoods;
     let dims = set.dims();
-    let mut sites: Vec<Site<'_>> = Vec::with_capacity(GROUP);
-    let mut lists: Vec<Candidate> = Vec::with_capacity(GROUP * CANDIDATES);
+    let mut wanted = Vec::with_capacity(GROUP * CANDIDATES);
     for from in (0..out.len()).step_by(GROUP) {
-        sites.clear();
-        lists.clear();
-        for i in (from..out.len().min(from + GROUP)).filter(|&i| active[i]) {
-            let site = scene.site(first + i, &queries[i * dims..(i + 1) * dims]);
-            let (found, count) = candidates(&site);
-            let before = lists.len();
-            for &found in &found[..count] {
-                let at = set.index(found);
-                if lists[before..].iter().all(|other| other.at != at) {
-                    lists.push(Candidate { site: sites.len(), found, at, distance: 0 });
+        let lanes = from..out.len().min(from + GROUP);
+        let mut tried = [[Match::NONE; GROUP]; CANDIDATES];
+        let mut continuations = Continuations::<GROUP>::none();
+        for (lane, at) in lanes.clone().enumerate().filter(|(_, at)| active[*at]) {
+            let links = scene.links(first + at);
+            candidates(scene, first + at, links, |c, found| tried[c][lane] = found);
+            if scene.run.is_some() {
+                continuations.look_up(lane, scene, links);
+            }
+        }
+        wanted.clear();
+        for c in 0..CANDIDATES {
+            for (lane, new) in unlike(&tried[c], &tried[..c]).iter().enumerate() {
+                if *new {
+                    wanted.push((c, lane, set.index(tried[c][lane])));
                 }
             }
-            sites.push(site);
         }
-        for candidate in &mut lists {
-            let query = sites[candidate.site].query;
-            candidate.distance = squared_distance(query, set.descriptor(candidate.at));
+        // All descriptors are on their way from memory before the first is needed.
+        let touched = wanted.iter().fold(0, |sum, &(_, _, at)| sum ^ set.descriptor(at)[0]);
+        std::hint::black_box(touched);
+        let mut costs = [[f32::INFINITY; GROUP]; CANDIDATES];
+        for &(c, lane, at) in &wanted {
+            let query = &queries[(from + lane) * dims..][..dims];
+            costs[c][lane] = scene.weighted(squared_distance(query, set.descriptor(at)), at);
         }
         let mut least = [f32::INFINITY; GROUP];
-        for candidate in &lists {
-            let site = &sites[candidate.site];
-            let cost = site.cost(candidate.distance, candidate.found, candidate.at);
-            if cost < least[candidate.site] {
-                least[candidate.site] = cost;
-                out[site.index - first] = candidate.found;
+        let mut best = [0; GROUP];
+        for (c, costs) in costs.iter_mut().enumerate() {
+            if let Some(run) = scene.run {
+                let counts = continuations.count(&tried[c]);
+                for (cost, count) in costs.iter_mut().zip(counts) {
+                    *cost += run.cost * count as f32;
+                }
             }
+            for lane in 0..GROUP {
+                let better = costs[lane] < least[lane];
+                least[lane] = if better { costs[lane] } else { least[lane] };
+                best[lane] = if better { c } else { best[lane] };
+            }
+        }
+        for (lane, at) in lanes.enumerate().filter(|(_, at)| active[*at]) {
+            out[at] = tried[best[lane]][lane];
         }
     }
 }
 
-/// A window that a site may match.
-struct Candidate {
-    /// Which site of the group.
-    site: usize,
-    found: Match,
-    at: usize,
-    distance: i32,
+/// Which lanes hold a match that none of the others has.
+#[inline(always)]
+fn unlike(own: &[Match; GROUP], others: &[[Match; GROUP]]) -> [bool; GROUP] {
+    let mut new = [false; GROUP];
+    for lane in 0..GROUP {
+        new[lane] = own[lane].packed() != Match::NONE.packed();
+    }
+    for other in others {
+        for lane in 0..GROUP {
+            new[lane] &= own[lane].packed() != other[lane].packed();
+        }
+    }
+    new
 }
 
+/// Calls `add(number, match)` for the candidates of a site.
 #[inline(always)]
-fn candidates(site: &Site<'_>) -> ([Match; CANDIDATES], usize) {
-    let scene = site.scene;
+fn candidates(
+    scene: &Scene<'_>,
+    index: usize,
+    links: [&Links; 3],
+    mut add: impl FnMut(usize, Match),
+) {
     let set = scene.neighbourhoods;
-    let key = scene.key.with(site.index as u64);
-    let mut list = [Match::NONE; CANDIDATES];
-    let mut count = 0;
-    let mut add = |m: Match| {
-        list[count] = m;
-        count += 1;
-    };
-    let own = site.links.map(|l| l.own);
-    let from = |at: [crate::texture::lattice::Neighbour; 3]| {
-        scene.continued(at.map(|n| n.index), at.map(|n| n.step))
-    };
-    let kept = from(own);
-    if let Some(kept) = kept {
-        add(kept);
-    }
+    let key = scene.key.with(index as u64);
+    let own = links.map(|l| l.own);
+    let kept = scene.continued(own.map(|n| n.index), own.map(|n| n.step));
     for axis in 0..3 {
         for side in 0..2 {
             let mut at = own;
-            at[axis] = site.links[axis].beside[side];
-            if let Some(m) = from(at) {
-                add(m);
+            at[axis] = links[axis].beside[side];
+            if let Some(m) = scene.continued(at.map(|n| n.index), at.map(|n| n.step)) {
+                add(1 + 2 * axis + side, m);
             }
         }
     }
     if let Some(kept) = kept {
+        add(0, kept);
         let limit = set.limit(kept.orientation);
         for (k, radius) in LOCAL_RADII.into_iter().enumerate() {
             let step = std::array::from_fn(|a| {
                 key.below((3 * k + a) as u64, 2 * radius + 1) as i32 - radius as i32
             });
-            add(kept.moved(step, limit));
+            add(7 + k, kept.moved(step, limit));
         }
     }
-    add(set.match_at(key.below(6, set.len())));
-    (list, count)
+    add(9, set.match_at(key.below(6, set.len())));
 }

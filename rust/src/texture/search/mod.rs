@@ -49,19 +49,35 @@ impl<'a> Scene<'a> {
         Self { neighbourhoods, previous, lattice, key, links, histogram, run }
     }
 
+    /// Relations of a site to the map of the pass before, along each axis.
+    #[inline(always)]
+    fn links(&self, index: usize) -> [&Links; 3] {
+        let at = position(self.lattice.sites(), index);
+        std::array::from_fn(|a| &self.links[a][at[a]])
+    }
+
     /// A site and what it sees.
     fn site(&'a self, index: usize, query: &'a [i16]) -> Site<'a> {
-        let at = position(self.lattice.sites(), index);
-        let links: [&Links; 3] = std::array::from_fn(|a| &self.links[a][at[a]]);
-        let run = self.run.map(|run| (run.cost, Continuations::new(self, links)));
-        Site { scene: self, index, query, links, run }
+        let run = self.run.map(|run| {
+            let mut continuations = Continuations::none();
+            continuations.look_up(0, self, self.links(index));
+            (run.cost, continuations)
+        });
+        Site { scene: self, index, query, run }
     }
 
     /// The match of a site of the previous map, continued to here.
-    fn continued(&self, [z, y, x]: [usize; 3], step: [i32; 3]) -> Option<Match> {
-        let [_, ny, nx] = self.previous.lattice.sites();
-        let found = self.previous.matches[(z * ny + y) * nx + x];
+    #[inline(always)]
+    fn continued(&self, at: [usize; 3], step: [i32; 3]) -> Option<Match> {
+        let found = self.previous.at(at);
         found.is_some().then(|| found.moved(step, self.neighbourhoods.limit(found.orientation)))
+    }
+
+    /// The descriptor distance of a window, raised if it is used too often.
+    #[inline(always)]
+    fn weighted(&self, distance: i32, window: usize) -> f32 {
+        let weight = self.histogram.as_ref().map_or(1.0, |histogram| histogram.weight(window));
+        weight * distance as f32
     }
 }
 
@@ -70,23 +86,17 @@ struct Site<'a> {
     scene: &'a Scene<'a>,
     index: usize,
     query: &'a [i16],
-    links: [&'a Links; 3],
-    run: Option<(f32, Continuations)>,
+    run: Option<(f32, Continuations<1>)>,
 }
 
 impl Site<'_> {
-    /// Cost of a candidate: the descriptor distance, raised for windows that are used too often, plus
-    /// the penalty for continuing a verbatim copy.
+    /// Cost of a candidate: the weighted distance, plus the penalty for continuing a verbatim copy.
     #[inline(always)]
     fn cost(&self, distance: i32, candidate: Match, at: usize) -> f32 {
-        let mut cost = distance as f32;
-        if let Some(histogram) = &self.scene.histogram {
-            cost *= histogram.weight(at);
-        }
-        if let Some((penalty, continuations)) = &self.run {
-            cost += penalty * continuations.count(candidate);
-        }
-        cost
+        let cost = self.scene.weighted(distance, at);
+        let Some((penalty, continuations)) = &self.run else { return cost };
+        let [count] = continuations.count(&[candidate]);
+        cost + penalty * count as f32
     }
 }
 
@@ -110,14 +120,17 @@ pub trait Search: Sync {
     }
 }
 
-/// Squared Euclidean distance of two descriptors, whose length is a multiple of 16.
+/// Squared Euclidean distance of two descriptors, whose length is a multiple of 16 and whose
+/// differences fit 16 bits.
 #[inline(always)]
 fn squared_distance(a: &[i16], b: &[i16]) -> i32 {
-    let mut sums = [0i32; 16];
-    for (a, b) in a.chunks_exact(16).zip(b.chunks_exact(16)) {
-        for i in 0..16 {
-            let d = i32::from(a[i]) - i32::from(b[i]);
-            sums[i] += d * d;
+    let mut sums = [0i32; 8];
+    for (a, b) in a.as_chunks::<16>().0.iter().zip(b.as_chunks::<16>().0) {
+        let d: [i16; 16] = std::array::from_fn(|i| a[i].wrapping_sub(b[i]));
+        for (i, sum) in sums.iter_mut().enumerate() {
+            // A pair in one instruction.
+            let (even, odd) = (i32::from(d[2 * i]), i32::from(d[2 * i + 1]));
+            *sum += even * even + odd * odd;
         }
     }
     sums.iter().sum()

@@ -51,51 +51,59 @@ pub struct RunPenalty {
     pub cost: f32,
 }
 
-/// Where the copies at the six far sites would continue at this site.
-pub struct Continuations {
-    orientation: [i32; LANES],
-    /// Along each axis.
-    origin: [[i32; LANES]; 3],
-}
-
-/// Far sites, and two that are none, so that all are compared at once.
-const LANES: usize = 8;
+/// Far sites: two along each axis.
+const FAR: usize = 6;
 
 /// No orientation.
 const NOWHERE: i32 = -1;
 
-impl Continuations {
-    /// Looks the six sites up.
-    pub(super) fn new(scene: &Scene<'_>, links: [&Links; 3]) -> Self {
-        let [_, ny, nx] = scene.previous.lattice.sites();
+/// Where the copies at the six far sites of each of N sites would continue.
+pub(super) struct Continuations<const N: usize> {
+    orientation: [[i32; N]; FAR],
+    /// Along each axis.
+    origin: [[[i32; N]; 3]; FAR],
+}
+
+impl<const N: usize> Continuations<N> {
+    /// Nothing to continue.
+    pub(super) const fn none() -> Self {
+        Self { orientation: [[NOWHERE; N]; FAR], origin: [[[0; N]; 3]; FAR] }
+    }
+
+    /// Looks the far sites of one site up.
+    #[inline(always)]
+    pub(super) fn look_up(&mut self, lane: usize, scene: &Scene<'_>, links: [&Links; 3]) {
         let own = links.map(|l| l.own);
-        let mut expected = Self { orientation: [NOWHERE; LANES], origin: [[0; LANES]; 3] };
-        for i in 0..6 {
+        for i in 0..FAR {
             let (axis, side) = (i / 2, i % 2);
             let Some(far) = links[axis].far[side] else { continue };
             let mut at = own;
             at[axis] = far;
-            let found = scene.previous.matches[(at[0].index * ny + at[1].index) * nx + at[2].index];
-            expected.orientation[i] = i32::from(found.orientation);
-            for (a, origin) in expected.origin.iter_mut().enumerate() {
-                origin[i] = i32::from(found.origin[a]) + at[a].step;
+            let found = scene.previous.at(at.map(|n| n.index));
+            self.orientation[i][lane] = i32::from(found.orientation);
+            for (a, origin) in self.origin[i].iter_mut().enumerate() {
+                origin[lane] = i32::from(found.origin[a]) + at[a].step;
             }
         }
-        expected
     }
 
-    /// How many of the six sites a candidate continues.
+    /// How many of its six far sites each candidate continues.
     #[inline(always)]
-    pub(super) fn count(&self, candidate: Match) -> f32 {
-        let orientation = i32::from(candidate.orientation);
-        let [z, y, x] = candidate.origin.map(i32::from);
-        let mut count = 0;
-        for i in 0..LANES {
-            // At most one voxel off along each axis.
-            let off = (self.origin[0][i] - z).abs().max((self.origin[1][i] - y).abs());
-            let off = off.max((self.origin[2][i] - x).abs());
-            count += i32::from(off <= 1 && self.orientation[i] == orientation);
+    pub(super) fn count(&self, candidates: &[Match; N]) -> [i32; N] {
+        let [mut orientation, mut z, mut y, mut x] = [[0; N]; 4];
+        for (lane, m) in candidates.iter().enumerate() {
+            orientation[lane] = i32::from(m.orientation);
+            [z[lane], y[lane], x[lane]] = m.origin.map(i32::from);
         }
-        count as f32
+        let mut counts = [0; N];
+        for (far, origin) in self.orientation.iter().zip(&self.origin) {
+            for lane in 0..N {
+                // At most one voxel off along each axis.
+                let off = (origin[0][lane] - z[lane]).abs().max((origin[1][lane] - y[lane]).abs());
+                let off = off.max((origin[2][lane] - x[lane]).abs());
+                counts[lane] += i32::from(off <= 1) & i32::from(far[lane] == orientation[lane]);
+            }
+        }
+        counts
     }
 }
