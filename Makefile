@@ -33,11 +33,12 @@ format: $(VENV)/installed-all ## format the Rust and the Python code
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-bench: $(VENV)/installed-all ## all benchmarks; writes the tables of README.md
+bench: $(VENV)/installed-all ## all benchmarks; writes the tables and pictures of README.md
 	cargo bench -- --warm-up-time 0.3 --measurement-time 0.5 --sample-size 10
 	$(BIN)/python benches/python/run.py
-	$(BIN)/python benches/python/results.py --presets quality fast
-	$(BIN)/python benches/python/results.py --presets paper --edge 80
+	$(BIN)/python benches/python/results.py
+	$(BIN)/python benches/python/trade_off.py
+	$(BIN)/python benches/python/opening_picture.py
 
 wheel-test: $(VENV)/installed ## the wheel alone in an empty environment: no torch, a synthesis
 	rm -rf dist target/wheel-test

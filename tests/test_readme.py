@@ -97,5 +97,11 @@ def test_the_metrics_that_are_listed_exist() -> None:
 
 
 def test_the_tables_have_their_places() -> None:
-    for name in ("bench", "results"):
+    for name in ("bench", "results", "exemplars"):
         assert TEXT.index(f"<!-- {name}:begin -->") < TEXT.index(f"<!-- {name}:end -->")
+
+
+def test_what_it_links_to_is_there() -> None:
+    links = re.findall(r"\]\((?!https?:)([^)#]+)\)", TEXT)
+    assert len(links) >= 3
+    assert [link for link in links if not (ROOT / link).exists()] == []

@@ -1,142 +1,141 @@
-"""Quality of every preset on every exemplar, as `poresynth.compare` measures it.
+"""Quality of every preset on every exemplar, beside a second specimen of the same material.
 
-    python benches/python/results.py [--presets quality fast paper] [--edge 128] [--seed 0]
+    python benches/python/results.py [--exemplars WORD …] [--presets quality fast paper second]
+                                     [--seeds 3] [--edge N]
 
-The procedural exemplars always run. Public micro-CT exemplars run if the folder in the environment
-variable PORESYNTH_DATA holds them. Figures go to benches/results/results.json and into README.md.
+The procedural exemplars always run; public micro-CT scans run if the folder in the environment
+variable PORESYNTH_DATA holds them (`specimens.py` lists them). Figures go to
+benches/results/results.json and into README.md. A row that is not run keeps the figures that it
+has.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
-import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
+import statistics
 from typing import Any
 
 from readme import load, machine, save, update_readme
+from specimens import EDGE, TITLES, Material, materials, sources
+from study import SECOND, known, solids, structure_and_novelty, synthesise
 
-import poresynth
-from poresynth import exemplars
-from poresynth.volume import Volume
+from poresynth import metrics
 
-EDGE = 100  # voxels of each exemplar: the size of the ScaffoldGAN paper's
-
-
-def corner(volume: Volume) -> Volume:
-    """The first 100³ voxels."""
-    return poresynth.crop(volume, (0, 0, 0), tuple(min(EDGE, n) for n in volume.shape))
+# The paper's search takes minutes for what takes the others seconds.
+EDGES = {"quality": 152, "fast": 152, "paper": 80}
+ROWS = {**{preset: preset for preset in EDGES}, "second": SECOND}
 
 
-def half_corner(volume: Volume) -> Volume:
-    """The first 200³ voxels at half the resolution."""
-    return poresynth.downsample(poresynth.crop(volume, (0, 0, 0), (2 * EDGE,) * 3), 2)
-
-
-# Title, file, what is taken of it.
-FILES: list[tuple[str, str, Callable[[Volume], Volume]]] = [
-    ("trabecular bone", "trabecular_bone_gray_100.tif", corner),
-    ("trabecular bone, fine", "trabecular_bone_gray_200.tif", corner),
-    ("Berea sandstone", "berea_sandstone_binary_200.tif", corner),
-    ("Ketton limestone ÷ 2", "ketton_limestone_binary_256.tif", half_corner),
-    ("cement paste", "cement_gray_128.tif", corner),
-]
-
-PROCEDURAL = {
-    "spinodal": lambda: exemplars.spinodal((EDGE,) * 3, porosity=0.5, seed=1),
-    "open-cell foam": lambda: exemplars.foam((EDGE,) * 3, seed=1),
-}
-TITLES = [*PROCEDURAL, *(title for title, _, _ in FILES)]
-
-
-def cases() -> Iterator[tuple[str, Volume]]:
-    """Titles and exemplars."""
-    for title, make in PROCEDURAL.items():
-        yield title, make()
-    folder = os.environ.get("PORESYNTH_DATA")
-    for title, name, take in FILES:
-        path = Path(folder or ".") / name
-        if folder is None or not path.exists():
-            print(f"{title}: skipped, {name} is not in PORESYNTH_DATA")
-            continue
-        yield title, take(poresynth.read(path))
-
-
-def run(title: str, exemplar: Volume, preset: Any, edge: int, seed: int) -> dict[str, Any]:
-    """Synthesise once and compare."""
-    start = time.perf_counter()
-    engine = poresynth.VolumeTexture(preset=preset).fit(exemplar)
-    made = engine.sample((edge,) * 3, seed=seed)
-    seconds = time.perf_counter() - start
-    figures = poresynth.compare(exemplar, made).to_dict()
+def run(material: Material, preset: str, edge: int, seeds: int) -> dict[str, Any]:
+    """Make the volumes of a row and measure them."""
+    exemplar, seconds = material.exemplar, None
+    if preset == SECOND:
+        volumes = material.second
+    else:
+        volumes, seconds = synthesise(exemplar, edge, seeds, preset=preset)
+    own, others = solids(exemplar, volumes)
+    porosity = metrics.porosity(own)
+    largest = metrics.largest_component_fraction(own)
+    shares = [metrics.largest_component_fraction(solid) for solid in others]
+    seams = [metrics.seam(exemplar, volume) for volume in volumes]
     return {
-        "exemplar": title,
+        "exemplar": material.title,
         "preset": preset,
-        "edge": edge,
-        "seed": seed,
-        "seconds": round(seconds, 2),
-        "iterations": len(made.energy),
-        **figures,
+        "seeds": seeds,
+        "shapes": [volume.shape for volume in volumes],
+        **structure_and_novelty(exemplar, volumes, own, others, seeds),
+        "worst_porosity_error_percent": known(
+            max(100 * abs(metrics.porosity(solid) - porosity) / porosity for solid in others)
+        ),
+        "two_point_error_percent": known(
+            statistics.mean(metrics.two_point_error(own, solid) for solid in others)
+        ),
+        "worst_largest_component": known(max(shares, key=lambda share: abs(share - largest))),
+        "largest_component_exemplar": known(largest),
+        "gradient_ratio": known(
+            statistics.mean(metrics.gradient_ratio(exemplar, volume) for volume in volumes)
+        ),
+        "seam": known(statistics.mean(seams)),
+        "worst_seam": known(max(seams)),
+        "seconds": None if seconds is None else round(seconds, 2),
     }
 
 
 def table(rows: list[dict[str, Any]]) -> str:
     """The README's table."""
     lines = [
-        "| exemplar | preset | edge | porosity error, % | D2, % | largest part (exemplar) "
-        "| gradient ratio | seam | novelty 12 / 20 / 32 | copied block | seconds |",
+        "| exemplar | preset | volumes | structure error, % | novelty 12 / 20 "
+        "| porosity error, % | D2, % | largest part (exemplar) | gradient ratio | seam (worst) "
+        "| seconds |",
         "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
 
     def number(row: dict[str, Any], key: str, digits: int) -> str:
-        value = row.get(key)
-        return "–" if value is None else f"{value:.{digits}f}"
+        return "–" if row[key] is None else f"{row[key]:.{digits}f}"
 
     for row in rows:
-        novelty = " / ".join(number(row, f"novelty_{n}", 2) for n in (12, 20, 32))
-        largest = number(row, "largest_component_fraction", 4)
-        own = number(row, "largest_component_fraction_exemplar", 4)
+        largest = number(row, "worst_largest_component", 4)
         cells = [
             row["exemplar"],
-            row["preset"],
-            str(row["edge"]),
-            number(row, "porosity_error_percent", 4),
+            row["preset"] if row["preset"] != SECOND else f"*{SECOND}*",
+            sizes(row["shapes"]),
+            number(row, "structure_error_percent", 1),
+            f"{number(row, 'novelty_12', 2)} / {number(row, 'novelty_20', 2)}",
+            number(row, "worst_porosity_error_percent", 4 if row["preset"] != SECOND else 1),
             number(row, "two_point_error_percent", 1),
-            f"{largest} ({own})",
+            f"{largest} ({number(row, 'largest_component_exemplar', 4)})",
             number(row, "gradient_ratio", 3),
-            number(row, "seam", 2),
-            novelty,
-            number(row, "mean_copied_block", 1),
+            f"{number(row, 'seam', 2)} ({number(row, 'worst_seam', 2)})",
             number(row, "seconds", 1),
         ]
         lines.append("| " + " | ".join(cells) + " |")
-    first = rows[0]
     lines += [
         "",
-        f"From {EDGE}³ voxels of each exemplar, seed {first['seed']}; {machine()}. "
-        "`python benches/python/results.py`",
+        f"From {EDGE}³ voxels of each exemplar, pooled over the volumes: structure and novelty of "
+        "all, mirrored copies counted; mean D2, gradient and seam; the worst porosity and largest "
+        f"part; the median time. {machine()}. One row again: "
+        "`python benches/python/results.py --exemplars spinodal --presets quality`, and "
+        "`--presets second` for its second specimen.",
     ]
     return "\n".join(lines)
 
 
+def sizes(shapes: list[list[int]]) -> str:
+    """How many volumes of which size."""
+    edges = sorted(shapes[0])
+    if edges[0] == edges[-1]:
+        return f"{len(shapes)} × {edges[0]}³"
+    return f"{len(shapes)} slabs of {edges[0]}"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--presets", nargs="*", default=["quality", "fast", "paper"])
-    parser.add_argument("--edge", type=int, default=128)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--exemplars", nargs="*", default=[""], metavar="WORD", help="parts of titles"
+    )
+    parser.add_argument("--presets", nargs="+", default=list(ROWS), choices=ROWS)
+    parser.add_argument("--seeds", type=int, default=3, help="volumes a row")
+    parser.add_argument("--edge", type=int, help="of the volumes; 152, for the preset paper 80")
     arguments = parser.parse_args()
-    # What was measured before stays, so that presets can be run apart.
     rows = {(row["exemplar"], row["preset"]): row for row in load("results")}
-    for title, exemplar in cases():
-        for preset in arguments.presets:
-            row = run(title, exemplar, preset, arguments.edge, arguments.seed)
-            rows[title, preset] = row
-            print(title, preset, f"{row['seconds']} s", flush=True)
+    for material in materials(arguments.exemplars):
+        for preset in (ROWS[name] for name in arguments.presets):
+            if preset == SECOND and not material.second:
+                continue
+            edge = arguments.edge or EDGES.get(preset, EDGE)
+            row = run(material, preset, edge, arguments.seeds)
+            rows[material.title, preset] = row
+            print(
+                f"{material.title}, {preset}, {sizes(row['shapes'])}: structure error "
+                f"{row['structure_error_percent']} %, novelty {row['novelty_12']} (12³), "
+                f"{row['novelty_20']} (20³), {row['seconds']} s",
+                flush=True,
+            )
             save("results", list(rows.values()))
-    # Rows of exemplars that are not here now keep their places.
-    ordered = sorted(rows.items(), key=lambda item: (TITLES.index(item[0][0]), item[0][1]))
-    update_readme("results", table([row for _, row in ordered]))
+    order = list(ROWS.values())
+    ordered = sorted(rows, key=lambda key: (TITLES.index(key[0]), order.index(key[1])))
+    update_readme("results", table([rows[key] for key in ordered]))
+    update_readme("exemplars", sources())
 
 
 if __name__ == "__main__":
