@@ -21,6 +21,7 @@ pub mod poisson;
 pub mod pyramid;
 pub mod search;
 pub mod symmetry;
+pub mod windows;
 
 pub use engine::synthesize;
 pub use field::Field;

@@ -1,5 +1,7 @@
 //! All complete windows of the exemplar, as short quantised descriptors.
 
+use std::borrow::Cow;
+
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 
@@ -22,6 +24,12 @@ pub const BLOCK: usize = 128;
 /// Room above the largest projection among the samples before a descriptor is clipped.
 const HEADROOM: f32 = 1.25;
 
+/// Largest value of a descriptor of this length: the sum of `dims` squared differences of two such
+/// values fits an i32.
+pub fn limit_of(dims: usize) -> f32 {
+    ((i32::MAX as f32 / dims as f32).sqrt() / 2.0).floor()
+}
+
 /// Every complete window of an exemplar under every orientation (zhang_2017 §4.2, §5.1).
 ///
 /// Descriptors are the leading principal components as int16, padded with zeros to a multiple of 16,
@@ -35,7 +43,7 @@ pub struct Neighbourhoods<'a> {
     dims: usize,
     scale: f32,
     limit: f32,
-    descriptors: Vec<i16>,
+    descriptors: Cow<'a, [i16]>,
 }
 
 impl<'a> Neighbourhoods<'a> {
@@ -79,7 +87,7 @@ impl<'a> Neighbourhoods<'a> {
             dims: 0,
             scale: 1.0,
             limit: 0.0,
-            descriptors: Vec::new(),
+            descriptors: Cow::default(),
         };
         let mut samples = Array2::zeros((SAMPLES.min(total), length));
         for (i, mut row) in samples.outer_iter_mut().enumerate() {
@@ -90,8 +98,7 @@ impl<'a> Neighbourhoods<'a> {
         }
         this.basis = Basis::fit(&mut samples, cap, share, key.with(1));
         this.dims = this.basis.dims().next_multiple_of(16);
-        // The square of a sum of `dims` differences of two clipped values must fit an i32.
-        this.limit = ((i32::MAX as f32 / this.dims as f32).sqrt() / 2.0).floor();
+        this.limit = limit_of(this.dims);
         let largest = samples.dot(&this.basis.vectors).iter().fold(0.0f32, |m, v| m.max(v.abs()));
         this.scale = if largest > 0.0 { this.limit / (HEADROOM * largest) } else { 1.0 };
 
@@ -110,8 +117,26 @@ impl<'a> Neighbourhoods<'a> {
                 Ok(())
             },
         )?;
-        this.descriptors = descriptors;
+        this.descriptors = descriptors.into();
         Ok(this)
+    }
+
+    /// Windows that are described already, one at each voxel of `grid`, whose values do not matter.
+    ///
+    /// `descriptors` holds as many values a window, a multiple of 16, none above [`limit_of`].
+    pub fn described(grid: &'a Field, descriptors: &'a [i16]) -> Self {
+        let total = voxels(grid.shape());
+        Self {
+            field: grid,
+            window: 1,
+            views: vec![Orientation::IDENTITY.view(grid.shape())],
+            starts: vec![0, total],
+            basis: Basis::fit(&mut Array2::zeros((1, 1)), 1, 1.0, Key::new(0)),
+            dims: descriptors.len() / total,
+            scale: 1.0,
+            limit: limit_of(descriptors.len() / total),
+            descriptors: descriptors.into(),
+        }
     }
 
     /// Edge of the windows.
