@@ -63,6 +63,9 @@ class Race:
         Sizes of the inputs, edges in voxels.
     large : tuple of int
         Sizes of a long run.
+    remark : callable, optional
+        Takes the arrays, a contestant's result and its seconds; returns what the table says beside
+        the time, for results that are not equally good.
     """
 
     title: str
@@ -70,6 +73,7 @@ class Race:
     same: Callable[[Any, Any], bool] = lambda ours, theirs: True
     sizes: tuple[int, ...] = (256,)
     large: tuple[int, ...] = (400,)
+    remark: Callable[[list[np.ndarray], Any, float], str] = lambda inputs, result, seconds: ""
     contestants: dict[str, Contestant] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -95,14 +99,18 @@ class Race:
 
     def run(self, size: int, repeats: int) -> Iterator[dict[str, Any]]:
         """Measure every contestant at one size: time in turn, memory each on its own."""
-        present = [
-            c for c in self.contestants.values() if size <= c.most and version(c) is not None
-        ]
+        present = []
+        for contestant in self.contestants.values():
+            if version(contestant) is None:
+                print(f"{self.title}: {contestant.package} is not installed", flush=True)
+            elif size <= contestant.most:
+                present.append(contestant)
         inputs = self.make(size)
         small = self.make(min(size, 40))
         for contestant in present:
             contestant.run(*small)  # imports, compilers, thread pools
         seconds: dict[str, list[float]] = {c.name: [] for c in present}
+        remarks: dict[str, str] = {}
         ours: Any = None
         for turn in range(repeats):
             for contestant in present:
@@ -111,6 +119,9 @@ class Race:
                 start = time.perf_counter()
                 result = contestant.run(*inputs)
                 seconds[contestant.name].append(time.perf_counter() - start)
+                remarks[contestant.name] = self.remark(
+                    inputs, result, statistics.median(seconds[contestant.name])
+                )
                 if turn == 0 and contestant.name == OURS:
                     ours = result
                 elif turn == 0 and contestant.name != ONE_THREAD and not self.same(ours, result):
@@ -125,6 +136,7 @@ class Race:
                 "contestant": contestant.name,
                 "version": version(contestant),
                 "seconds": median,
+                "remark": remarks[contestant.name],
                 "times_as_long": median / medians[OURS],
                 "bytes_per_voxel": self._memory(contestant, size, inputs, small),
             }

@@ -33,10 +33,10 @@ def table(rows: list[dict[str, Any]]) -> str:
         cells = [
             row["race"],
             f"{row['size']}³",
-            duration(ours["seconds"]),
+            taken(ours),
             amount(ours["bytes_per_voxel"]),
             f"{row['contestant']} ({row['version']})",
-            duration(row["seconds"]),
+            taken(row),
             f"{row['times_as_long']:.2g}",
             amount(row["bytes_per_voxel"]),
         ]
@@ -44,10 +44,17 @@ def table(rows: list[dict[str, Any]]) -> str:
     lines += [
         "",
         f"Medians of runs in turn (one, over {LONG:.0f} s), on all cores where not said "
-        f"otherwise; memory beyond the input. {machine()}. "
+        "otherwise; memory beyond the input; rms: root mean square distance of the matches, in "
+        f"units of the exact search's. {machine()}. "
         "`python benches/python/run.py`",
     ]
     return "\n".join(lines)
+
+
+def taken(row: dict[str, Any]) -> str:
+    """The time, and what is to be said of its result."""
+    remark = row.get("remark")
+    return duration(row["seconds"]) + (f" ({remark})" if remark else "")
 
 
 def duration(seconds: float) -> str:
@@ -78,7 +85,7 @@ def main() -> None:
             for row in race.run(size, 1 if size in race.large else arguments.repeats):
                 rows[row["race"], row["size"], row["contestant"]] = row
                 print(
-                    f"{row['race']}, {size}³, {row['contestant']}: {duration(row['seconds'])}, "
+                    f"{row['race']}, {size}³, {row['contestant']}: {taken(row)}, "
                     f"{row['times_as_long']:.2f} ×, {amount(row['bytes_per_voxel'])} B/voxel",
                     flush=True,
                 )

@@ -16,6 +16,7 @@ __all__ = [
     "component_statistics",
     "cut_phases",
     "cut_solid",
+    "describe_windows",
     "diffusivity",
     "distance_transform",
     "euler_corrected",
@@ -28,6 +29,7 @@ __all__ = [
     "local_porosity",
     "local_thickness",
     "match_histogram",
+    "match_windows",
     "novelty",
     "permeability",
     "ranks_by_phase",
@@ -85,6 +87,28 @@ def carry(
     slab: int,
     threads: int = 0,
 ) -> npt.NDArray[np.float32]: ...
+def describe_windows(
+    exemplar: npt.NDArray[np.float32],
+    volume: npt.NDArray[np.float32],
+    *,
+    window: int,
+    step: int,
+    components: int,
+    variance: float,
+    seed: int,
+    threads: int = 0,
+) -> list[npt.NDArray[np.int16]]: ...
+def match_windows(
+    descriptors: npt.NDArray[np.int16],
+    queries: npt.NDArray[np.int16],
+    start: npt.NDArray[np.int64],
+    *,
+    step: int,
+    search: str,
+    candidates: int,
+    seed: int,
+    threads: int = 0,
+) -> npt.NDArray[np.int64]: ...
 def gaussian(
     field: npt.NDArray[np.float32], sigma: float, *, boundary: str
 ) -> npt.NDArray[np.float32]: ...

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import ndimage
 from tests.references import volume_texture as twin
+from tests.references import window_search as search_twin
 from tests.references.random_key import Key
 
 from poresynth import _core
@@ -171,3 +172,145 @@ def test_what_does_not_fit_is_refused() -> None:
         _core.synthesize(broken, (8, 8, 8), OPTIONS, seed=0)
     with pytest.raises(ParameterError, match="wanted"):
         _core.cut_phases(np.zeros((2, 5), np.float32), [1, 1], seed=0)
+
+
+def described(seed: int = 1, variance: float = 1.0) -> list[np.ndarray]:
+    exemplar, volume = smooth_noise((11, 12, 13), seed), smooth_noise((12, 10, 14), seed + 1)
+    return _core.describe_windows(
+        exemplar[None],
+        volume[None],
+        window=4,
+        step=2,
+        components=16,
+        variance=variance,
+        seed=3,
+    )
+
+
+def find(
+    descriptors: np.ndarray,
+    queries: np.ndarray,
+    start: np.ndarray | None = None,
+    search: str = "brute_force",
+    candidates: int = 10,
+    seed: int = 0,
+    threads: int = 0,
+) -> np.ndarray:
+    if start is None:
+        start = np.zeros(queries.shape[:3], np.int64)
+    return _core.match_windows(
+        descriptors,
+        queries,
+        start,
+        step=2,
+        search=search,
+        candidates=candidates,
+        seed=seed,
+        threads=threads,
+    )
+
+
+def of_found(distances: np.ndarray, found: np.ndarray) -> np.ndarray:
+    return np.take_along_axis(distances, found.reshape(-1, 1), axis=1)[:, 0]
+
+
+def test_descriptors_keep_the_distances_of_principal_components() -> None:
+    exemplar, volume = smooth_noise((11, 12, 13), 1), smooth_noise((12, 10, 14), 2)
+    descriptors, queries = described()
+    assert descriptors.shape == (8, 9, 10, 16)
+    assert queries.shape == (5, 4, 6, 16)
+    wanted = search_twin.squared_distances(
+        *search_twin.components(
+            search_twin.windows(exemplar, 4, 1), search_twin.windows(volume, 4, 2), 16
+        )
+    )
+    got = search_twin.squared_distances(descriptors, queries)
+    # Descriptors are scaled to fill their integers.
+    np.testing.assert_allclose(got / (got.sum() / wanted.sum()), wanted, rtol=0.05)
+
+
+def test_brute_force_finds_the_first_of_the_nearest_windows() -> None:
+    descriptors, queries = described()
+    descriptors[4:] = descriptors[:4]  # ties
+    want = search_twin.squared_distances(descriptors, queries).argmin(axis=1)
+    np.testing.assert_array_equal(find(descriptors, queries).ravel(), want)
+
+
+@pytest.mark.parametrize("search", ["brute_force", "kd_tree", "coherent"])
+def test_matches_depend_on_neither_threads_nor_memory_order(search: str) -> None:
+    descriptors, queries = described()
+    start = np.random.default_rng(0).integers(0, 720, queries.shape[:3])
+    want = find(descriptors, queries, start, search)
+    np.testing.assert_array_equal(find(descriptors, queries, start, search, threads=1), want)
+    for order in (np.asfortranarray, lambda a: np.repeat(a, 2, axis=2)[:, :, ::2]):
+        arrays = (order(a) for a in (descriptors, queries, start))
+        np.testing.assert_array_equal(find(*arrays, search), want)
+
+
+def test_the_kd_tree_is_exact_with_all_candidates_and_near_with_ten() -> None:
+    descriptors, queries = described()
+    distances = search_twin.squared_distances(descriptors, queries)
+    best = distances.min(axis=1)
+    every = of_found(distances, find(descriptors, queries, search="kd_tree", candidates=720))
+    np.testing.assert_array_equal(every, best)
+    near = of_found(distances, find(descriptors, queries, search="kd_tree"))
+    assert best.sum() < near.sum() < 1.15**2 * best.sum()
+
+
+def test_coherent_search_is_never_worse_than_its_start_and_better_pass_by_pass() -> None:
+    descriptors, queries = described()
+    distances = search_twin.squared_distances(descriptors, queries)
+    found = np.random.default_rng(0).integers(0, 720, queries.shape[:3])
+    passes = [of_found(distances, found)]
+    for seed in range(40):
+        found = find(descriptors, queries, found, "coherent", seed=seed)
+        passes.append(of_found(distances, found))
+        assert (passes[-1] <= passes[-2]).all()
+    first, best = passes[0].mean(), distances.min(axis=1).mean()
+    assert passes[1].mean() < 0.8 * first
+    assert passes[-1].mean() < best + 0.1 * (first - best)
+
+
+def test_coherent_search_continues_what_a_neighbour_found() -> None:
+    exemplar = smooth_noise((12, 12, 12), 1)
+    descriptors, queries = _core.describe_windows(
+        exemplar[None], exemplar[None], window=4, step=2, components=16, variance=1.0, seed=0
+    )
+    copied = np.arange(9**3).reshape(9, 9, 9)[::2, ::2, ::2]
+    start = np.zeros_like(copied)
+    start[2, 2, 2] = copied[2, 2, 2]
+    found = find(descriptors, queries, start, "coherent")
+    for place in [(2, 2, 2), (1, 2, 2), (3, 2, 2), (2, 1, 2), (2, 3, 2), (2, 2, 1), (2, 2, 3)]:
+        assert found[place] == copied[place]
+
+
+def test_windows_that_do_not_fit_are_refused() -> None:
+    field = smooth_noise((8, 8, 8), 4)[None]
+    options = {"window": 4, "step": 2, "components": 8, "variance": 0.95, "seed": 0}
+    for name, volume, change in (
+        ("window", field, {"window": 0, "step": 0}),
+        ("step", field, {"step": 5}),
+        ("volume", field[:, :3], {}),
+        ("volume", np.repeat(field, 2, axis=0), {}),
+    ):
+        with pytest.raises(ParameterError, match=name):
+            _core.describe_windows(field, volume, **{**options, **change})
+    descriptors, queries = described()
+    start = np.zeros(queries.shape[:3], np.int64)
+    for name, arrays, change in (
+        ("descriptors", (descriptors[..., :15], queries[..., :15], start), {}),
+        ("descriptors", (descriptors, np.repeat(queries, 2, axis=3), start), {}),
+        ("descriptors", (descriptors[:0], queries, start), {}),
+        ("queries", (descriptors, np.full_like(queries, -32768), start), {}),
+        ("start", (descriptors, queries, start[1:]), {}),
+        ("start", (descriptors, queries, start - 1), {}),
+        ("start", (descriptors, queries, start + 720), {}),
+        ("search", (descriptors, queries, start), {"search": "magic"}),
+        ("candidates", (descriptors, queries, start), {"search": "kd_tree", "candidates": 0}),
+    ):
+        with pytest.raises(ParameterError, match=name):
+            find(*arrays, **change)
+    with pytest.raises(ParameterError, match="step"):
+        _core.match_windows(
+            descriptors, queries, start, step=0, search="coherent", candidates=1, seed=0
+        )

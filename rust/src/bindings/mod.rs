@@ -58,7 +58,9 @@ mod _core {
     #[pymodule_export]
     use super::surface::{secants, surface_area};
     #[pymodule_export]
-    use super::texture::{MatchMap, carry_values, gaussian, synthesize};
+    use super::texture::{
+        MatchMap, carry_values, describe_windows, gaussian, match_windows, synthesize,
+    };
     #[pymodule_export]
     use super::topology::{component_sizes, label};
     #[pymodule_export]

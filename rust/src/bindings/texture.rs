@@ -1,7 +1,9 @@
 //! `rust/src/texture` for Python.
 
 use ndarray::ArrayView4;
-use numpy::{IntoPyArray, PyArray1, PyArray4, PyArrayMethods, PyReadonlyArray3, PyReadonlyArray4};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray3, PyReadonlyArray4,
+};
 use pyo3::prelude::*;
 
 use super::cancellable;
@@ -11,7 +13,7 @@ use crate::texture::blend::Source;
 use crate::texture::parameters::{Backend, IndexWeight};
 use crate::texture::symmetry::{Orientation, Symmetry, View};
 use crate::texture::{
-    Constraints, Field, Parameters, Stage, carry, copying, pyramid, synthesize as optimise,
+    Constraints, Field, Parameters, Stage, carry, copying, pyramid, synthesize as optimise, windows,
 };
 use crate::volume::Shape;
 
@@ -48,15 +50,7 @@ impl Options {
     fn parameters(self) -> Result<Parameters> {
         Ok(Parameters {
             orientations: self.orientations()?,
-            backend: match self.search.as_str() {
-                "brute_force" => Backend::BruteForce,
-                "kd_tree" => Backend::KdTree(self.candidates),
-                "coherent" => Backend::Coherent,
-                other => {
-                    let allowed = "must be 'coherent', 'kd_tree' or 'brute_force'";
-                    return Err(Error::parameter("search", other, allowed));
-                }
-            },
+            backend: backend(&self.search, self.candidates)?,
             index_weight: match self.index_weight.as_str() {
                 "off" => IndexWeight::Off,
                 "literal" => IndexWeight::Literal,
@@ -81,6 +75,18 @@ impl Options {
             gradient: self.gradient,
             slab: self.slab,
         })
+    }
+}
+
+fn backend(search: &str, candidates: usize) -> Result<Backend> {
+    match search {
+        "brute_force" => Ok(Backend::BruteForce),
+        "kd_tree" => Ok(Backend::KdTree(candidates)),
+        "coherent" => Ok(Backend::Coherent),
+        other => {
+            let allowed = "must be 'coherent', 'kd_tree' or 'brute_force'";
+            Err(Error::parameter("search", other, allowed))
+        }
     }
 }
 
@@ -206,6 +212,54 @@ pub(super) fn carry_values<'py>(
         carry::carry(&source, &field, &values, &match_map.map, slab, Key::new(seed), monitor)
     })?;
     wrap(py, out)
+}
+
+/// Descriptors (z, y, x, component) of all windows of an exemplar, and of every `step`-th window of a
+/// volume along each axis.
+#[pyfunction]
+#[pyo3(signature = (exemplar, volume, *, window, step, components, variance, seed, threads=0))]
+#[allow(clippy::too_many_arguments)]
+pub(super) fn describe_windows(
+    py: Python<'_>,
+    #[pyo3(from_py_with = field_argument)] exemplar: Field,
+    #[pyo3(from_py_with = field_argument)] volume: Field,
+    window: usize,
+    step: usize,
+    components: usize,
+    variance: f32,
+    seed: u64,
+    threads: usize,
+) -> PyResult<[Bound<'_, PyArray4<i16>>; 2]> {
+    let (stage, components, key) = (Stage { window, step }, (components, variance), Key::new(seed));
+    let described = cancellable::run(py, threads, None, |monitor| {
+        windows::describe(&exemplar, &volume, stage, components, key, monitor)
+    })?;
+    Ok(described.map(|found| found.into_pyarray(py)))
+}
+
+/// Positions of the windows that one pass of a search finds for each query, from those that the pass
+/// before found.
+#[pyfunction]
+#[pyo3(signature = (descriptors, queries, start, *, step, search, candidates, seed, threads=0))]
+#[allow(clippy::too_many_arguments)]
+pub(super) fn match_windows<'py>(
+    py: Python<'py>,
+    descriptors: PyReadonlyArray4<'py, i16>,
+    queries: PyReadonlyArray4<'py, i16>,
+    start: PyReadonlyArray3<'py, i64>,
+    step: usize,
+    search: &str,
+    candidates: usize,
+    seed: u64,
+    threads: usize,
+) -> PyResult<Bound<'py, PyArray3<i64>>> {
+    let (descriptors, queries, start) =
+        (descriptors.as_array(), queries.as_array(), start.as_array());
+    let backend = backend(search, candidates)?;
+    let found = cancellable::run(py, threads, None, |monitor| {
+        windows::find(descriptors, queries, start, step, backend, Key::new(seed), monitor)
+    })?;
+    Ok(found.into_pyarray(py))
 }
 
 /// Gaussian blur of a field (channel, z, y, x), sigma in voxels.

@@ -7,11 +7,9 @@ use super::levels::Levels;
 use super::match_map::{MatchMap, random_blocks};
 use super::matching::{Matched, active_sites, match_sites};
 use super::neighbourhoods::Neighbourhoods;
-use super::parameters::{
-    Backend, Constraints, EnergyRecord, IndexWeight, Parameters, Stage, Synthesis,
-};
+use super::parameters::{Constraints, EnergyRecord, IndexWeight, Parameters, Stage, Synthesis};
 use super::search::penalty::{IndexHistogram, RunPenalty};
-use super::search::{BruteForce, Coherent, KdTree, Scene, Search};
+use super::search::{Scene, Search, prepare};
 use super::{poisson, pyramid};
 use crate::error::Result;
 use crate::intensity::Quantiles;
@@ -115,11 +113,7 @@ impl Run<'_> {
             key,
             self.monitor,
         )?;
-        let backend: Box<dyn Search> = match p.backend {
-            Backend::BruteForce => Box::new(BruteForce),
-            Backend::KdTree(candidates) => Box::new(KdTree::new(&set, candidates)?),
-            Backend::Coherent => Box::new(Coherent),
-        };
+        let backend = prepare(p.backend, &set)?;
         let laplacian = (p.gradient > 0.0).then(|| laplacian_of(exemplar));
         let source = Source { field: exemplar, laplacian: laplacian.as_ref(), views: set.views() };
         let quantiles: Vec<Quantiles> =

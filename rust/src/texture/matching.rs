@@ -134,7 +134,7 @@ struct Scratch {
 
 /// Copies a window of the output, which wraps if the boundary is periodic (an open lattice never
 /// reaches over the border).
-fn gather(field: &Field, origin: [usize; 3], window: usize, out: &mut [f32]) {
+pub(super) fn gather(field: &Field, origin: [usize; 3], window: usize, out: &mut [f32]) {
     let [nz, ny, nx] = field.shape();
     let head = window.min(nx - origin[2]);
     let line = |row: usize| {

@@ -22,6 +22,7 @@ pub mod poisson;
 pub mod pyramid;
 pub mod search;
 pub mod symmetry;
+pub mod windows;
 
 pub use engine::synthesize;
 pub use field::Field;

@@ -30,6 +30,12 @@ pub const BLOCK: usize = 128;
 /// Room above the largest projection among the samples before a descriptor is clipped.
 const HEADROOM: f32 = 1.25;
 
+/// Largest value of a descriptor of this length: the sum of `dims` squared differences of two such
+/// values fits an i32.
+pub fn limit_of(dims: usize) -> f32 {
+    ((i32::MAX as f32 / dims as f32).sqrt() / 2.0).floor()
+}
+
 /// Every complete window of an exemplar under every orientation (zhang_2017 §4.2, §5.1).
 ///
 /// Descriptors are the leading principal components as int16, padded with zeros to a multiple of 16,
@@ -104,8 +110,7 @@ impl<'a> Neighbourhoods<'a> {
         drop(samples);
         let mut basis = Basis::fit(&mut coefficients, cap, share, cosines.lost, key.with(1));
         this.dims = basis.dims().next_multiple_of(16);
-        // The square of a sum of `dims` differences of two clipped values must fit an i32.
-        this.limit = ((i32::MAX as f32 / this.dims as f32).sqrt() / 2.0).floor();
+        this.limit = limit_of(this.dims);
         let largest = coefficients.dot(&basis.vectors).iter().fold(0.0f32, |m, v| m.max(v.abs()));
         this.scale = if largest > 0.0 { this.limit / (HEADROOM * largest) } else { 1.0 };
         let of_cosines = basis.vectors;
@@ -136,6 +141,26 @@ impl<'a> Neighbourhoods<'a> {
         }
         this.descriptors = descriptors;
         Ok(this)
+    }
+
+    /// Windows that are described already, one at each voxel of `grid`, whose values do not matter.
+    ///
+    /// `descriptors` holds as many values a window, a multiple of 16, none above [`limit_of`].
+    pub fn described(grid: &'a Field, descriptors: Vec<i16>) -> Self {
+        let total = voxels(grid.shape());
+        let dims = descriptors.len() / total;
+        Self {
+            field: grid,
+            window: 1,
+            views: vec![Orientation::IDENTITY.view(grid.shape())],
+            starts: vec![0, total],
+            limits: vec![grid.shape().map(|n| n - 1)],
+            basis: Basis::fit(&mut Array2::zeros((1, 1)), 1, 1.0, 0.0, Key::new(0)),
+            dims,
+            scale: 1.0,
+            limit: limit_of(dims),
+            descriptors,
+        }
     }
 
     /// Edge of the windows.

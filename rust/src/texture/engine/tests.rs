@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::*;
 use crate::error::Error;
+use crate::texture::parameters::Backend;
 use crate::texture::symmetry::Symmetry;
 use crate::threads::with_threads;
 use crate::volume::{Boundary, position, voxels};

@@ -15,6 +15,8 @@ pub use kd_tree::KdTree;
 use super::lattice::{Lattice, Links, links};
 use super::match_map::{Match, MatchMap};
 use super::neighbourhoods::Neighbourhoods;
+use super::parameters::Backend;
+use crate::error::Result;
 use crate::rng::Key;
 use crate::volume::position;
 use penalty::{Continuations, IndexHistogram, RunPenalty};
@@ -118,6 +120,18 @@ pub trait Search: Sync {
     fn improves(&self) -> bool {
         false
     }
+}
+
+/// Makes a backend ready to search an exemplar's windows.
+///
+/// # Errors
+/// If the backend cannot take these windows, or its parameters are out of range.
+pub fn prepare(backend: Backend, set: &Neighbourhoods<'_>) -> Result<Box<dyn Search>> {
+    Ok(match backend {
+        Backend::BruteForce => Box::new(BruteForce),
+        Backend::KdTree(candidates) => Box::new(KdTree::new(set, candidates)?),
+        Backend::Coherent => Box::new(Coherent),
+    })
 }
 
 /// Squared Euclidean distance of two descriptors, whose length is a multiple of 16 and whose
