@@ -108,6 +108,17 @@ def test_synthesize_writes_a_volume_and_all_that_made_it(example: Path, folder: 
     assert origin["configuration"]["parameters"]["windows"] == [4]
 
 
+def test_it_says_what_was_synthesised_and_why(
+    example: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for settings, field in (((), "distance, which explains"), (["--preset", "paper"], "intensity")):
+        synthesize(example, *settings, "--set", "search=coherent")
+        origin = json.loads(Path("new.tif.json").read_text())["poresynth"]
+        assert origin["field_reason"].startswith(field)
+        assert field.startswith(origin["field"])
+        assert f"synthesised: {origin['field_reason']}" in capsys.readouterr().out
+
+
 def test_a_result_repeats_itself(example: Path, folder: Path) -> None:
     new = synthesize(example, "--seed", 5, "--periodic", "--porosity", 0.5)
     run("synthesize", "-o", "again.tif", "--config", "new.tif.json", "--threads", 1)
@@ -222,6 +233,7 @@ def test_a_run_with_a_report(
     report = json.loads(Path("out/report.json").read_text())
     assert report["configuration"]["exemplar"] == str(example)
     assert report["command"].startswith("poresynth synthesize")
+    assert "of the grays" in Path("out/report.html").read_text(encoding="utf-8")
     assert len(report["energy"]) > 1
     assert report["porosity_error_percent"] < 0.1
 

@@ -96,6 +96,8 @@ def synthesize(run: RunConfig, output: Path, threads: int, report: Path | None) 
         origin["command"] = run.command(output)
         io.write(output, volume)
         console.result(f"new volume: {output}")
+        if "field_reason" in origin:
+            console.result(f"synthesised: {origin['field_reason']}")
         if report is None:
             _print_copying(exemplar, volume, threads)
         else:

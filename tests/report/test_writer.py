@@ -33,7 +33,13 @@ def exemplar() -> Volume:
 @pytest.fixture(scope="module")
 def volume() -> Volume:
     gray = spinodal((40, 36, 32), porosity=0.6, wavelength=10, seed=2)
-    origin = {"engine": "volume", "seed": 7, "parameters": {"preset": "fast"}, "version": "9.8.7"}
+    origin = {
+        "engine": "volume",
+        "seed": 7,
+        "parameters": {"preset": "fast"},
+        "field_reason": "distance, which explains all",
+        "version": "9.8.7",
+    }
     return Volume(gray.array, (40.0, 20.0, 20.0), "µm", {"poresynth": origin})
 
 
@@ -79,6 +85,7 @@ def test_the_page_says_what_was_made_and_how(text: str) -> None:
         "32 × 32 × 32 voxels of 40 × 20 × 20 µm",
         "40 × 36 × 32 voxels",
         "volume, preset fast",
+        "distance, which explains all",
         "poresynth 9.8.7",
         "poresynth synthesize &#x27;my bone.tif&#x27;",
         "<code>exemplar = &quot;scans/bone.tif&quot;\nseed = 7\n\n[parameters]\nwindows = [8, 4]<",

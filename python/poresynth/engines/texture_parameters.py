@@ -20,7 +20,7 @@ class TextureParameters(BaseModel):
     threshold: float | None = None
     solid: Literal["bright", "dark"] = "bright"
     kind: Literal["auto", "gray", "binary", "label"] = "auto"
-    field: Literal["distance", "intensity"] = "distance"
+    field: Literal["auto", "distance", "intensity"] = "auto"
     clip: int = Field(6, ge=1, le=64)
     smoothing: float = Field(0.5, ge=0, le=5)
     levels: int = Field(3, ge=1, le=6)

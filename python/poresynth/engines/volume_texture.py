@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from poresynth import _core
 from poresynth.engines.base import EnergyRecord, ProgressCallback, SynthesizedVolume
+from poresynth.engines.field_choice import choose_field
 from poresynth.engines.phases import Phases
 from poresynth.engines.texture_parameters import resolve
 from poresynth.errors import FileError, ParameterError
@@ -32,18 +33,18 @@ class VolumeTexture:
 
     The method of Zhang, Chen, Wang and Wang, *By example synthesis of three-dimensional porous
     materials* (2017): windows of the output are matched to windows of the exemplar (search phase)
-    and averaged with adaptive weights (optimisation phase), coarse to fine. By default it works on
-    the signed distance of the solid rather than on intensities, and brings the intensities over
-    afterwards.
+    and averaged with adaptive weights (optimisation phase), coarse to fine. Where the exemplar has
+    clear phases it works on the signed distance of the solid rather than on intensities, and brings
+    the intensities over afterwards.
 
     Parameters
     ----------
     preset : {"quality", "fast", "paper"}, default "quality"
-        Where the parameters that are not given come from. ``"quality"``: signed distance, three
-        levels, coherent search, run penalty. ``"fast"``: two levels, two windows, half of the
-        iterations. ``"paper"``: the parameters of zhang_2017 §5.1, with
-        intensities, a kd-tree, the index histogram and adaptive weights; without symmetric copies,
-        which the paper names but does not count (``symmetry="full"`` adds all).
+        Where the parameters that are not given come from. ``"quality"``: three levels, coherent
+        search, run penalty. ``"fast"``: two levels, two windows, half of the iterations.
+        ``"paper"``: the parameters of zhang_2017 §5.1, with intensities, a kd-tree, the index
+        histogram and adaptive weights; without symmetric copies, which the paper names but does not
+        count (``symmetry="full"`` adds all).
     threshold : float, optional
         Gray value that parts pore from solid; Otsu's of the exemplar by default.
     solid : {"bright", "dark"}, default "bright"
@@ -51,12 +52,18 @@ class VolumeTexture:
     kind : {"auto", "gray", "binary", "label"}, default "auto"
         What the exemplar's values mean. Two values are binary, up to 16 integers labels, all else
         gray.
-    field : {"distance", "intensity"}, default "distance"
+    field : {"auto", "distance", "intensity"}, default "auto"
         What is synthesised. The clipped signed distance carries shape over a window's edge, so that
         necks and walls join: from 100³ to 152³, two seeds each, the mean error of connectivity,
         Euler number, skeleton tips, thickness, spacing and surface is 2.7 % instead of 10.7 % on
         trabecular bone and 5.2 % instead of 20.8 % on Berea sandstone, at equal or higher novelty.
-        Intensities (of labels: one-hot phases) are the paper's choice.
+        Intensities (of labels: one-hot phases) are the paper's choice. ``"auto"`` takes distance
+        for two values and for labels, and for gray values if it explains 93.5 % of their structure,
+        1 − C_r(1) / C_g(1): the autocovariances at one voxel of the gray values, blurred by one
+        voxel against noise, and of what their mean at each distance leaves of them. Bone and cement
+        have 95 to 98 %, noisy ones too, Gaussian random fields 87 to 92 %. On six such fields the
+        gray values that distance carries over leave borders: their sharpest jumps were 1.47 times
+        the exemplar's on average, 1.04 with intensities, at like structure.
     clip : int, default 6
         Where the signed distance is clipped, voxels: about the radius of the features. Much more
         makes the windows' variance that of the largest pores.
@@ -124,6 +131,10 @@ class VolumeTexture:
         Gray value that parts pore from solid; None for labels.
     porosity_ : float
         The exemplar's porosity.
+    field_ : {"distance", "intensity"}
+        What is synthesised.
+    field_reason_ : str
+        Why, in a few words, with the share that decided.
 
     Examples
     --------
@@ -141,7 +152,7 @@ class VolumeTexture:
         threshold: float | None = None,
         solid: Literal["bright", "dark"] | None = None,
         kind: Literal["auto", "gray", "binary", "label"] | None = None,
-        field: Literal["distance", "intensity"] | None = None,
+        field: Literal["auto", "distance", "intensity"] | None = None,
         clip: int | None = None,
         smoothing: float | None = None,
         levels: int | None = None,
@@ -205,6 +216,7 @@ class VolumeTexture:
         self.exemplar_ = volume
         self.threshold_ = self._phases.threshold
         self.porosity_ = self._phases.porosity
+        self.field_, self.field_reason_ = choose_field(volume.array, self._phases, parameters.field)
         return self
 
     def sample(
@@ -300,7 +312,7 @@ class VolumeTexture:
         )
         free = _free_voxels(domain, given_mask)
         scores = field
-        if p.field == "distance" and p.smoothing > 0:
+        if self.field_ == "distance" and p.smoothing > 0:
             scores = _core.gaussian(field, p.smoothing, boundary=boundary)
         phase = self._cut(scores, free, porosity, seed)
         array = self._values(exemplar_field, field, phase, match_map, free, seed, threads)
@@ -446,7 +458,7 @@ class VolumeTexture:
         labels = len(self._phases.labels)
         if self._phases.kind == "label" and labels > 2:
             return labels
-        return self.exemplar_.channels if self.parameters_.field == "intensity" else 1
+        return self.exemplar_.channels if self.field_ == "intensity" else 1
 
     def _field(
         self,
@@ -455,9 +467,9 @@ class VolumeTexture:
         valid: npt.NDArray[np.bool_] | None = None,
     ) -> npt.NDArray[np.float32]:
         """Return what is synthesised: values in 0 … 255, shape (channel, z, y, x)."""
-        phases, p = self._phases, self.parameters_
-        if p.field == "distance":
-            return phases.distance_field(phase, p.clip, valid)
+        phases = self._phases
+        if self.field_ == "distance":
+            return phases.distance_field(phase, self.parameters_.clip, valid)
         if phases.kind != "gray":
             which = [1] if len(phases.labels) == 2 else range(len(phases.labels))
             return np.stack([np.where(phase == k, np.float32(255), np.float32(0)) for k in which])
@@ -493,7 +505,7 @@ class VolumeTexture:
             cut = _core.cut_phases(rows, wanted, seed=seed, free=flat)
             return cut.reshape(scores.shape[1:])
         score = scores[0].ravel()
-        dark = self.parameters_.field == "intensity" and self._phases.kind == "gray"
+        dark = self.field_ == "intensity" and self._phases.kind == "gray"
         if dark and self._phases.solid == "dark":
             score = -score
         solid = _core.cut_solid(score, wanted[1], seed=seed, free=flat)
@@ -515,7 +527,7 @@ class VolumeTexture:
             return phases.labels[phase]
         exemplar = self.exemplar_.array
         gray = field
-        if self.parameters_.field == "distance":
+        if self.field_ == "distance":
             values = np.ascontiguousarray(_channels_first(exemplar), dtype=np.float32)
             gray = _core.carry(
                 exemplar_field, field, values, match_map, seed=seed, slab=_SLAB, threads=threads
@@ -560,6 +572,8 @@ class VolumeTexture:
             "version": _core.__version__,
             "engine": "volume",
             "parameters": self.parameters_.model_dump(mode="json"),
+            "field": self.field_,
+            "field_reason": self.field_reason_,
             "shape": list(shape),
             "seed": seed,
             "boundary": boundary,

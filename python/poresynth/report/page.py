@@ -64,6 +64,7 @@ def render(
         "exemplar": _describe(exemplar),
         "new volume": _describe(volume),
         "engine": _engine(origin),
+        "synthesised": str(origin.get("field_reason", "not recorded")),
         "seed": str(origin.get("seed", "not recorded")),
         "boundary": str(origin.get("boundary", "not recorded")),
         "made with": f"poresynth {origin.get('version', '(not recorded)')}",
