@@ -129,7 +129,7 @@ def panel(axes: Axes, title: str, rows: list[dict[str, Any]]) -> None:
             axes.annotate(
                 f"{row['run_penalty']:g}",
                 (row["novelty_12"], row["structure_error_percent"]),
-                xytext=(0, 9 if field == DEFAULT.field else -9),
+                xytext=(0, 9 if field == FIELDS[0] else -9),
                 textcoords="offset points",
                 ha="center",
                 va="center",
@@ -140,7 +140,7 @@ def panel(axes: Axes, title: str, rows: list[dict[str, Any]]) -> None:
             row for row in points if not is_own(row) and row["run_penalty"] == DEFAULT.run_penalty
         ]
         axes.plot(*position(others), "o", color=COLOURS[field], mfc="white", ms=5)
-        if field == DEFAULT.field:
+        if field == FIELDS[0]:
             chosen = [row for row in own if row["run_penalty"] == DEFAULT.run_penalty]
             axes.plot(*position(chosen), "o", color=LIGHT.ink, mfc="none", ms=11, mew=1.6)
     second = [row for row in rows if row["field"] == SECOND]
