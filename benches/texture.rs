@@ -3,7 +3,7 @@
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use ndarray::Array3;
 use poresynth_core::geometry::signed_distance;
-use poresynth_core::intensity::{Quantiles, cut_solid, ranks_by_phase};
+use poresynth_core::intensity::{Quantiles, cut_solid};
 use poresynth_core::monitor::Monitor;
 use poresynth_core::rng::Key;
 use poresynth_core::texture::blend::{Source, blend};
@@ -119,7 +119,6 @@ fn intensities(c: &mut Criterion) {
     let values = output.channel(0);
     let n = voxels(OUTPUT);
     let quantiles = Quantiles::new(field.channel(0));
-    let solid = cut_solid(values, n / 2, None, Key::new(0));
     let mut group = c.benchmark_group("intensities");
     group.throughput(Throughput::Elements(n as u64));
     group.bench_function("histogram matching", |b| {
@@ -130,9 +129,6 @@ fn intensities(c: &mut Criterion) {
         );
     });
     group.bench_function("exact cut", |b| b.iter(|| cut_solid(values, n / 2, None, Key::new(0))));
-    group.bench_function("ranks by phase", |b| {
-        b.iter(|| ranks_by_phase(values, &solid, [n / 8, n / 8], Key::new(0)));
-    });
     group.finish();
 }
 

@@ -32,7 +32,6 @@ __all__ = [
     "match_windows",
     "novelty",
     "permeability",
-    "ranks_by_phase",
     "run_lengths",
     "secants",
     "signed_distance",
@@ -148,13 +147,6 @@ def cut_phases(
     seed: int,
     free: npt.NDArray[np.bool_] | None = None,
 ) -> npt.NDArray[np.uint8]: ...
-def ranks_by_phase(
-    gray: npt.NDArray[np.float32],
-    solid: npt.NDArray[np.bool_],
-    sizes: tuple[int, int],
-    *,
-    seed: int,
-) -> npt.NDArray[np.uint32]: ...
 def label(
     solid: npt.NDArray[np.bool_], *, connectivity: int, boundary: str, threads: int = 0
 ) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint64]]: ...

@@ -129,23 +129,6 @@ def test_the_cut_takes_exactly_the_wanted_largest_values(
         assert values[solid].min() >= values[~solid].max()
 
 
-@given(
-    gray=hnp.arrays(np.float32, 200, elements=st.floats(0, 255, width=32)),
-    solid=hnp.arrays(bool, 200),
-    sizes=st.tuples(st.integers(1, 400), st.integers(1, 400)),
-)
-@settings(max_examples=60, deadline=None)
-def test_ranks_keep_the_order_within_a_phase(
-    gray: np.ndarray, solid: np.ndarray, sizes: tuple[int, int]
-) -> None:
-    ranks = _core.ranks_by_phase(gray, solid, sizes, seed=0)
-    for phase in (0, 1):
-        own, values = ranks[solid == phase], gray[solid == phase]
-        order = np.lexsort((own, values))
-        assert (np.diff(own[order].astype(int)) >= 0).all()
-        assert (own < sizes[phase]).all()
-
-
 def test_arrays_of_any_memory_order_give_the_same() -> None:
     field = smooth_noise((8, 9, 10), 4)[None]
     made = [

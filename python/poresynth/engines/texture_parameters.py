@@ -38,7 +38,7 @@ class TextureParameters(BaseModel):
     index_weight: Literal["off", "literal", "normalised"] = "off"
     run_penalty: float = Field(0.3, ge=0)
     run_reach: int = Field(12, ge=1)
-    exponent: float = Field(0.8, ge=0, le=2)
+    exponent: float = Field(0.2, ge=0, le=2)
     adaptive: bool = False
     gradient: float = Field(0.0, ge=0, le=10)
 
@@ -79,6 +79,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "search": "kd_tree",
         "index_weight": "literal",
         "run_penalty": 0.0,
+        "exponent": 0.8,
         "adaptive": True,
         "gradient": 0.1,
     },

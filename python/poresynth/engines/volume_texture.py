@@ -16,6 +16,7 @@ from poresynth.engines.field_choice import choose_field
 from poresynth.engines.phases import Phases
 from poresynth.engines.texture_parameters import resolve
 from poresynth.errors import FileError, ParameterError
+from poresynth.metrics.histograms import match_histogram
 from poresynth.preprocess import validate_voxels
 from poresynth.resources import check_memory
 from poresynth.volume import Volume, as_volume
@@ -532,19 +533,18 @@ class VolumeTexture:
             gray = _core.carry(
                 exemplar_field, field, values, match_map, seed=seed, slab=_SLAB, threads=threads
             )
-        inside = np.ones(phase.shape, bool) if free is None else free
-        solid = phase.view(np.bool_)[inside]
         out = np.zeros((len(gray), *phase.shape), exemplar.dtype)
-        for channel, values in enumerate(_channels_first(exemplar)):
-            own = [np.sort(values[phases.phase == k]) for k in (0, 1)]
-            sizes = (len(own[0]), len(own[1]))
-            ranks = _core.ranks_by_phase(
-                np.ascontiguousarray(gray[channel][inside]), solid, sizes, seed=seed
-            )
-            placed = np.empty(len(ranks), exemplar.dtype)
-            for k in (0, 1):
-                placed[solid == k] = own[k][ranks[solid == k]]
-            out[channel][inside] = placed
+        for k in (0, 1):
+            here = phase == k if free is None else (phase == k) & free
+            if not here.any():
+                continue
+            for channel, values in enumerate(_channels_first(exemplar)):
+                # Rows are volumes of one line: the order of the voxels is all that counts.
+                own, wanted = gray[channel][here], values[phases.phase == k]
+                placed = match_histogram(
+                    own[None, None], wanted[None, None], ties="random", seed=seed, threads=threads
+                )
+                out[channel][here] = placed.ravel()
         return out[0] if exemplar.ndim == 3 else np.ascontiguousarray(np.moveaxis(out, 0, -1))
 
     def _outside(self) -> Any:

@@ -45,22 +45,6 @@ pub(super) fn cut_phases<'py>(
     Ok(out.into_pyarray(py))
 }
 
-/// Rank, among the exemplar's sorted gray values of its phase, of the value that belongs to each voxel.
-#[pyfunction]
-#[pyo3(signature = (gray, solid, sizes, *, seed))]
-pub(super) fn ranks_by_phase<'py>(
-    py: Python<'py>,
-    gray: PyReadonlyArray1<'py, f32>,
-    solid: PyReadonlyArray1<'py, bool>,
-    sizes: (usize, usize),
-    seed: u64,
-) -> PyResult<Bound<'py, PyArray1<u32>>> {
-    let gray = gray.as_slice()?;
-    let solid = check_length(gray.len(), &solid)?;
-    let out = py.detach(|| intensity::ranks_by_phase(gray, solid, sizes.into(), Key::new(seed)));
-    Ok(out.into_pyarray(py))
-}
-
 fn same_length<'a>(
     length: usize,
     mask: Option<&'a PyReadonlyArray1<'_, bool>>,

@@ -52,7 +52,7 @@ mod _core {
     #[pymodule_export]
     use super::gray::{binned_counts, gray_moments, level_counts, match_histogram};
     #[pymodule_export]
-    use super::intensity::{cut_phases, cut_solid, ranks_by_phase};
+    use super::intensity::{cut_phases, cut_solid};
     #[pymodule_export]
     use super::skeleton::{skeleton_graph, thin};
     #[pymodule_export]

@@ -3,7 +3,6 @@
 use rayon::prelude::*;
 
 use super::order::{Bits, Kind};
-use crate::rng::Key;
 
 /// Bins of the output's cumulative histogram. 4096 bins on a field of 256 levels resolve a
 /// sixteenth of a level, below what a blend of patches leaves of a value.
@@ -106,34 +105,6 @@ fn histogram(values: &[f32], selected: Option<&[bool]>, low: f32, scale: f32) ->
         )
 }
 
-/// For every voxel the rank, among the exemplar's `sizes[phase]` sorted gray values of its phase,
-/// of the value that belongs there.
-///
-/// Inside each phase the output's gray values are ordered, ties by a position-keyed random number,
-/// and spread evenly over the exemplar's sorted values of that phase, so that the phase ends up
-/// with the exemplar's histogram. Memory: 16 bytes a voxel of the larger phase.
-pub fn ranks_by_phase(gray: &[f32], solid: &[bool], sizes: [usize; 2], key: Key) -> Vec<u32> {
-    let mut ranks = vec![0u32; gray.len()];
-    for phase in [false, true] {
-        let mut order: Vec<(u64, u32)> = (0..gray.len())
-            .into_par_iter()
-            .filter(|&i| solid[i] == phase)
-            .map(|i| (sort_key(gray[i], key.bits(i as u64)), i as u32))
-            .collect();
-        order.par_sort_unstable();
-        let (n, size) = (order.len() as u64, sizes[usize::from(phase)] as u64);
-        for (rank, &(_, i)) in order.iter().enumerate() {
-            ranks[i as usize] = ((2 * rank as u64 + 1) * size / (2 * n)) as u32;
-        }
-    }
-    ranks
-}
-
-/// Orders by value, then by the random bits.
-fn sort_key(value: f32, bits: u64) -> u64 {
-    u64::from(ordered_bits(value)) << 32 | bits >> 32
-}
-
 /// Unsigned integer whose order is that of the (finite) floats.
 pub(super) fn ordered_bits(value: f32) -> u32 {
     value.to_bits().key(Kind::Float)
@@ -142,6 +113,7 @@ pub(super) fn ordered_bits(value: f32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rng::Key;
 
     fn noise(seed: u64, n: usize) -> Vec<f32> {
         (0..n as u64).map(|i| Key::new(seed).unit(i)).collect()
@@ -182,21 +154,6 @@ mod tests {
         let counts = [true, true, true, true, false];
         Quantiles::new(&[10.0, 20.0]).match_values(&mut values, Some(&counts));
         assert_eq!((values[0], values[4]), (10.0, 20.0));
-    }
-
-    #[test]
-    fn ranks_cover_the_exemplars_values_of_each_phase_evenly() {
-        let gray = noise(3, 1000);
-        let solid: Vec<bool> = gray.iter().map(|&g| g > 0.3).collect();
-        let ranks = ranks_by_phase(&gray, &solid, [10, 50], Key::new(0));
-        for (phase, size) in [(false, 10u32), (true, 50)] {
-            let mut counts = vec![0usize; size as usize];
-            for (r, _) in ranks.iter().zip(&solid).filter(|(_, s)| **s == phase) {
-                counts[*r as usize] += 1;
-            }
-            let (low, high) = (counts.iter().min().unwrap(), counts.iter().max().unwrap());
-            assert!(high - low <= 1, "{counts:?}");
-        }
     }
 
     #[test]

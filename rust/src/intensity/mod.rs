@@ -10,4 +10,4 @@ pub mod statistics;
 
 pub use buckets::level_counts;
 pub use cut::{cut_phases, cut_solid};
-pub use histogram::{Quantiles, ranks_by_phase};
+pub use histogram::Quantiles;
