@@ -80,7 +80,7 @@ fn blending(c: &mut Criterion) {
     for (name, laplacian) in [("blend", None), ("blend with Laplacian", Some(&laplacian))] {
         let source = Source { field: &field, laplacian, views: set.views() };
         group.bench_function(name, |b| {
-            b.iter(|| blend(&source, &map, &weights, &start, 16, &Monitor::silent()));
+            b.iter(|| blend(&source, &map, &weights, &mut start.clone(), &Monitor::silent()));
         });
     }
     let zeros = vec![0.0; voxels(OUTPUT)];
@@ -151,7 +151,6 @@ fn whole(c: &mut Criterion) {
         adaptive: false,
         gradient: 0.0,
         boundary: Boundary::Open,
-        slab: 16,
     };
     let mut group = c.benchmark_group("synthesis");
     group.sample_size(10);

@@ -83,7 +83,6 @@ def carry(
     match_map: MatchMap,
     *,
     seed: int,
-    slab: int,
     threads: int = 0,
 ) -> npt.NDArray[np.float32]: ...
 def describe_windows(

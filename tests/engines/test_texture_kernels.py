@@ -34,7 +34,6 @@ OPTIONS = {
     "adaptive": False,
     "gradient": 0.0,
     "boundary": "open",
-    "slab": 4,
 }
 
 

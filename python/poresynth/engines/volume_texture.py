@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 __all__ = ["VolumeTexture"]
 
-_SLAB = 16  # planes a task works on: few enough to stay in a cache of some megabytes
-
 
 class VolumeTexture:
     """Synthesise volumes whose every neighbourhood looks like one of the exemplar's.
@@ -452,7 +450,6 @@ class VolumeTexture:
             "stages": p.stages(),
             "keep_axis": None if p.keep_axis is None else "zyx".index(p.keep_axis),
             "boundary": boundary,
-            "slab": _SLAB,
         }
 
     def _field_channels(self) -> int:
@@ -531,7 +528,7 @@ class VolumeTexture:
         if self.field_ == "distance":
             values = np.ascontiguousarray(_channels_first(exemplar), dtype=np.float32)
             gray = _core.carry(
-                exemplar_field, field, values, match_map, seed=seed, slab=_SLAB, threads=threads
+                exemplar_field, field, values, match_map, seed=seed, threads=threads
             )
         out = np.zeros((len(gray), *phase.shape), exemplar.dtype)
         for k in (0, 1):

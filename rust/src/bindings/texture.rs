@@ -39,7 +39,6 @@ pub(super) struct Options {
     adaptive: bool,
     gradient: f32,
     boundary: String,
-    slab: usize,
 }
 
 impl Options {
@@ -73,7 +72,6 @@ impl Options {
             exponent: self.exponent,
             adaptive: self.adaptive,
             gradient: self.gradient,
-            slab: self.slab,
         })
     }
 }
@@ -184,7 +182,7 @@ pub(super) fn synthesize<'py>(
 
 /// Brings values of the exemplar (channel, z, y, x) to a synthetic field through its match map.
 #[pyfunction]
-#[pyo3(name = "carry", signature = (exemplar, field, values, match_map, *, seed, slab, threads=0))]
+#[pyo3(name = "carry", signature = (exemplar, field, values, match_map, *, seed, threads=0))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn carry_values<'py>(
     py: Python<'py>,
@@ -193,7 +191,6 @@ pub(super) fn carry_values<'py>(
     values: PyReadonlyArray4<'py, f32>,
     match_map: &MatchMap,
     seed: u64,
-    slab: usize,
     threads: usize,
 ) -> PyResult<Bound<'py, PyArray4<f32>>> {
     let exemplar = self::field(exemplar.as_array())?;
@@ -209,7 +206,7 @@ pub(super) fn carry_values<'py>(
         match_map.orientations.iter().map(|o| o.view(exemplar.shape())).collect();
     let out = cancellable::run(py, threads, None, |monitor| {
         let source = Source { field: &exemplar, laplacian: None, views: &views };
-        carry::carry(&source, &field, &values, &match_map.map, slab, Key::new(seed), monitor)
+        carry::carry(&source, &field, &values, &match_map.map, Key::new(seed), monitor)
     })?;
     wrap(py, out)
 }

@@ -8,17 +8,7 @@ use super::match_map::{Match, MatchMap};
 use super::symmetry::View;
 use crate::error::Result;
 use crate::monitor::Monitor;
-use crate::volume::Shape;
-
-/// Weighted means over the windows that cover each voxel.
-pub struct Blend {
-    /// Mean of the exemplar's values; voxels that no window covers keep what they had.
-    pub mean: Field,
-    /// Mean weight of the covering windows.
-    pub weight: Vec<f32>,
-    /// Mean of the exemplar's Laplacian, if it was asked for.
-    pub laplacian: Option<Field>,
-}
+use crate::volume::voxels;
 
 /// What the windows carry.
 pub struct Source<'a> {
@@ -30,10 +20,20 @@ pub struct Source<'a> {
     pub views: &'a [View],
 }
 
-/// Averages the matched windows into a volume (the E-step's least squares), `slab` planes at a time.
+/// What the gradient term needs beside the means.
+pub struct Gradients {
+    /// Mean weight of the windows that cover a voxel.
+    pub weight: Vec<f32>,
+    /// Weighted mean of the exemplar's Laplacian.
+    pub laplacian: Field,
+}
+
+/// Sets `field` to the weighted means of the windows that cover each voxel (the E-step's least
+/// squares); voxels that no window covers keep what they have. Gradients are found if the source has a
+/// Laplacian.
 ///
-/// Each voxel receives its windows in the order of the sites, whatever the slabs, so the result does
-/// not depend on them. Memory: what is returned, and as much again for the slabs in work.
+/// Each voxel receives its windows in the order of the sites, on any number of threads. Memory: what is
+/// returned, and two planes a thread.
 ///
 /// # Errors
 /// If the caller cancels.
@@ -41,123 +41,99 @@ pub fn blend(
     source: &Source<'_>,
     map: &MatchMap,
     weights: &[f32],
-    previous: &Field,
-    slab: usize,
+    field: &mut Field,
     monitor: &Monitor<'_>,
-) -> Result<Blend> {
-    let shape = map.lattice.shape;
-    let channels = source.field.channels();
-    let plane = shape[1] * shape[2];
-    let mut mean = Field::zeros(shape, channels);
-    let mut laplacian = source.laplacian.map(|_| Field::zeros(shape, channels));
-    let mut weight = vec![0.0f32; shape[0] * plane];
-
-    // Every slab's part of every array: the sums are made in place.
-    let length = slab.max(1) * plane;
-    let mut parts: Vec<Slab<'_>> = weight
-        .chunks_mut(length)
-        .enumerate()
-        .map(|(i, weight)| Slab {
-            first: i * slab.max(1),
-            weight,
-            mean: Vec::new(),
-            laplacian: Vec::new(),
-        })
+) -> Result<Option<Gradients>> {
+    let [_, ny, nx] = map.lattice.shape;
+    let mut gradients = source.laplacian.map(|laplacian| Gradients {
+        weight: vec![0.0; voxels(map.lattice.shape)],
+        laplacian: Field::zeros(map.lattice.shape, laplacian.channels()),
+    });
+    let mut planes: Vec<Plane<'_>> = (0..map.lattice.shape[0])
+        .map(|z| Plane { z, means: Vec::new(), weight: None, laplacians: Vec::new() })
         .collect();
-    for c in split_channels(&mut mean, channels, length) {
-        for (part, values) in parts.iter_mut().zip(c) {
-            part.mean.push(values);
-        }
+    for (z, values) in channel_planes(field) {
+        planes[z].means.push(values);
     }
-    if let Some(laplacian) = &mut laplacian {
-        for c in split_channels(laplacian, channels, length) {
-            for (part, values) in parts.iter_mut().zip(c) {
-                part.laplacian.push(values);
-            }
+    if let Some(Gradients { weight, laplacian }) = &mut gradients {
+        for (plane, weight) in planes.iter_mut().zip(weight.chunks_mut(ny * nx)) {
+            plane.weight = Some(weight);
+        }
+        for (z, values) in channel_planes(laplacian) {
+            planes[z].laplacians.push(values);
         }
     }
     let coverage: [Vec<u32>; 3] = std::array::from_fn(|a| map.lattice.coverage(a));
-    parts.par_iter_mut().try_for_each(|part| {
+    planes.par_iter_mut().try_for_each_init(Vec::new, |sums, plane| {
         monitor.check()?;
-        part.add_windows(source, map, weights);
-        part.normalise(previous, &coverage, shape);
+        plane.fill(source, map, weights, sums, &coverage);
         Ok(())
     })?;
-    drop(parts);
-    Ok(Blend { mean, weight, laplacian })
+    drop(planes);
+    Ok(gradients)
 }
 
-fn split_channels(
-    field: &mut Field,
-    channels: usize,
-    length: usize,
-) -> Vec<std::slice::ChunksMut<'_, f32>> {
-    let n = crate::volume::voxels(field.shape());
-    let mut rest = field.values_mut();
-    (0..channels)
-        .map(|_| {
-            let (channel, tail) = std::mem::take(&mut rest).split_at_mut(n);
-            rest = tail;
-            channel.chunks_mut(length)
-        })
-        .collect()
+/// All planes of all channels, with their z.
+fn channel_planes(field: &mut Field) -> impl Iterator<Item = (usize, &mut [f32])> {
+    let [nz, ny, nx] = field.shape();
+    field.values_mut().chunks_mut(ny * nx).enumerate().map(move |(i, values)| (i % nz, values))
 }
 
-struct Slab<'a> {
-    first: usize,
-    weight: &'a mut [f32],
-    mean: Vec<&'a mut [f32]>,
-    laplacian: Vec<&'a mut [f32]>,
+/// One plane of everything that is summed, a slice a channel.
+struct Plane<'a> {
+    z: usize,
+    means: Vec<&'a mut [f32]>,
+    weight: Option<&'a mut [f32]>,
+    laplacians: Vec<&'a mut [f32]>,
 }
 
-impl Slab<'_> {
-    fn add_windows(&mut self, source: &Source<'_>, map: &MatchMap, weights: &[f32]) {
-        let Lattice { shape, window, origins, .. } = &map.lattice;
-        let plane = shape[1] * shape[2];
-        let planes = self.weight.len() / plane.max(1);
+impl Plane<'_> {
+    fn fill(
+        &mut self,
+        source: &Source<'_>,
+        map: &MatchMap,
+        weights: &[f32],
+        sums: &mut Vec<f32>,
+        coverage: &[Vec<u32>; 3],
+    ) {
+        let Lattice { shape: [nz, ny, nx], window, origins, .. } = &map.lattice;
+        let voxels = ny * nx;
+        sums.clear();
+        sums.resize((1 + self.means.len()) * voxels, 0.0);
+        let (total, means) = sums.split_at_mut(voxels);
         for (sz, &oz) in origins[0].iter().enumerate() {
-            for dz in 0..*window {
-                let z = (oz + dz) % shape[0];
-                if !(self.first..self.first + planes).contains(&z) {
-                    continue;
+            let dz = (self.z + nz - oz) % nz;
+            if dz >= *window {
+                continue;
+            }
+            let layer = Layer { source, map, weights, sz, dz };
+            add_weights(&layer, total);
+            for (c, sums) in means.chunks_exact_mut(voxels).enumerate() {
+                add_layer(&layer, source.field.channel(c), sums);
+            }
+            for (c, sums) in self.laplacians.iter_mut().enumerate() {
+                if let Some(laplacian) = source.laplacian {
+                    add_layer(&layer, laplacian.channel(c), sums);
                 }
-                let start = (z - self.first) * plane;
-                let layer = Layer { source, map, weights, sz, dz };
-                let plane = start..start + plane;
-                let mut sums = vec![(None, &mut self.weight[plane.clone()])];
-                for (c, mean) in self.mean.iter_mut().enumerate() {
-                    sums.push((Some(source.field.channel(c)), &mut mean[plane.clone()]));
-                }
-                let laplacians = source.laplacian.iter().zip(&mut self.laplacian);
-                sums.extend(
-                    laplacians
-                        .enumerate()
-                        .map(|(c, (from, sum))| (Some(from.channel(c)), &mut sum[plane.clone()])),
-                );
-                add_layer(&layer, &mut sums);
             }
         }
-    }
-
-    fn normalise(&mut self, previous: &Field, coverage: &[Vec<u32>; 3], shape: Shape) {
-        let [_, ny, nx] = shape;
-        for (row, weight) in self.weight.chunks_mut(nx).enumerate() {
-            let (inside, first) = (row * nx, self.first * ny * nx + row * nx);
-            for (c, mean) in self.mean.iter_mut().enumerate() {
-                let previous = &previous.channel(c)[first..first + nx];
-                let mean = mean[inside..inside + nx].iter_mut().zip(previous);
-                for ((mean, previous), &sum) in mean.zip(&*weight) {
-                    *mean = if sum > 0.0 { *mean / sum } else { *previous };
-                }
+        for (mean, sums) in self.means.iter_mut().zip(means.chunks_exact(voxels)) {
+            for ((mean, sum), total) in mean.iter_mut().zip(sums).zip(&*total) {
+                *mean = if *total > 0.0 { sum / total } else { *mean };
             }
-            for laplacian in &mut self.laplacian {
-                for (value, &sum) in laplacian[inside..inside + nx].iter_mut().zip(&*weight) {
-                    *value = if sum > 0.0 { *value / sum } else { *value };
-                }
+        }
+        for sums in &mut self.laplacians {
+            for (sum, total) in sums.iter_mut().zip(&*total) {
+                *sum = if *total > 0.0 { *sum / total } else { *sum };
             }
-            let lines = coverage[0][self.first + row / ny] * coverage[1][row % ny];
-            for (weight, count) in weight.iter_mut().zip(&coverage[2]) {
-                *weight /= (lines * count) as f32;
+        }
+        if let Some(weight) = &mut self.weight {
+            let rows = weight.chunks_mut(*nx).zip(total.chunks(*nx));
+            for ((row, total), lines) in rows.zip(&coverage[1]) {
+                let lines = coverage[0][self.z] * lines;
+                for ((weight, total), count) in row.iter_mut().zip(total).zip(&coverage[2]) {
+                    *weight = total / (lines * count) as f32;
+                }
             }
         }
     }
@@ -173,60 +149,77 @@ struct Layer<'a> {
 }
 
 impl Layer<'_> {
-    /// Calls `visit(x origin, output rows, match, weight)` for the sites of the layer, in order.
+    /// Calls `visit(x origin, match, weight)` for the sites of a row.
     #[inline(always)]
-    fn for_each_site(&self, mut visit: impl FnMut(usize, &[usize], Match, f32)) {
-        let Lattice { shape, window, origins, .. } = &self.map.lattice;
-        let (ny, nx) = (origins[1].len(), origins[2].len());
-        let mut rows = Vec::with_capacity(*window);
-        for (sy, &oy) in origins[1].iter().enumerate() {
-            rows.clear();
-            rows.extend((oy..oy + window).map(|y| y % shape[1]));
-            // Every second site first: neighbours overlap, and a sum waits for the one just stored.
-            for sx in (0..nx).step_by(2).chain((1..nx).step_by(2)) {
-                let site = (self.sz * ny + sy) * nx + sx;
-                let m = self.map.matches[site];
+    fn for_each_site(&self, sy: usize, mut visit: impl FnMut(usize, Match, f32)) {
+        let origins = &self.map.lattice.origins;
+        let nx = origins[2].len();
+        let first = (self.sz * origins[1].len() + sy) * nx;
+        // Every second site first: neighbours overlap, and a sum waits for the one just stored.
+        for start in 0..2 {
+            for sx in (start..nx).step_by(2) {
+                let m = self.map.matches[first + sx];
                 if m.is_some() {
-                    visit(origins[2][sx], &rows, m, self.weights[site]);
+                    visit(origins[2][sx], m, self.weights[first + sx]);
                 }
             }
         }
     }
 }
 
-/// Adds the rows of some arrays, or ones, each times its site's weight, to a plane of sums of each.
+/// Adds the weight of each site to all voxels of its window in a plane.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
-fn add_layer(layer: &Layer<'_>, sums: &mut [(Option<&[f32]>, &mut [f32])]) {
-    let window = layer.map.lattice.window;
-    let nx = layer.map.lattice.shape[2];
-    let ones = vec![1.0; window];
-    layer.for_each_site(|ox, rows, m, weight| {
-        let view = &layer.source.views[usize::from(m.orientation)];
-        let [mz, my, mx] = m.origin.map(usize::from);
-        let head = window.min(nx - ox);
-        for (dy, &y) in rows.iter().enumerate() {
-            let start = view.index([mz + layer.dz, my + dy, mx]);
-            for (values, plane) in &mut *sums {
-                let row = &mut plane[y * nx..(y + 1) * nx];
-                if let Some(values) = values.filter(|_| view.stride[2] != 1) {
+fn add_weights(layer: &Layer<'_>, plane: &mut [f32]) {
+    let Lattice { shape: [_, ny, nx], window, origins, .. } = &layer.map.lattice;
+    let mut line = vec![0.0f32; *nx];
+    for (sy, oy) in origins[1].iter().enumerate() {
+        line.fill(0.0);
+        layer.for_each_site(sy, |ox, _, weight| {
+            let head = *window.min(&(nx - ox));
+            line[ox..ox + head].iter_mut().for_each(|sum| *sum += weight);
+            line[..window - head].iter_mut().for_each(|sum| *sum += weight);
+        });
+        for dy in 0..*window {
+            let row = &mut plane[(oy + dy) % ny * nx..][..*nx];
+            row.iter_mut().zip(&line).for_each(|(sum, weight)| *sum += weight);
+        }
+    }
+}
+
+/// Adds rows of values, each times its site's weight, to a plane.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
+fn add_layer(layer: &Layer<'_>, values: &[f32], plane: &mut [f32]) {
+    let Lattice { shape: [_, ny, nx], window, origins, .. } = &layer.map.lattice;
+    let (window, nx) = (*window, *nx);
+    let mut rows = vec![0; window];
+    for (sy, oy) in origins[1].iter().enumerate() {
+        rows.iter_mut().enumerate().for_each(|(dy, row)| *row = (oy + dy) % ny * nx);
+        layer.for_each_site(sy, |ox, m, weight| {
+            let view = &layer.source.views[usize::from(m.orientation)];
+            let [mz, my, mx] = m.origin.map(usize::from);
+            let head = window.min(nx - ox);
+            for (dy, &row) in rows.iter().enumerate() {
+                let start = view.index([mz + layer.dz, my + dy, mx]);
+                let row = &mut plane[row..row + nx];
+                if view.stride[2] == 1 {
+                    let from = &values[start..start + window];
+                    if head == window {
+                        add_row(&mut row[ox..ox + window], from, weight);
+                    } else {
+                        add_row(&mut row[ox..], &from[..head], weight);
+                        add_row(&mut row[..window - head], &from[head..], weight);
+                    }
+                } else {
                     let mut at = start as isize;
                     for dx in 0..window {
                         let x = if dx < head { ox + dx } else { dx - head };
                         row[x] += weight * values[at as usize];
                         at += view.stride[2];
                     }
-                    continue;
-                }
-                let from = values.map_or(&ones[..], |values| &values[start..start + window]);
-                if head == window {
-                    add_row(&mut row[ox..ox + window], from, weight);
-                } else {
-                    add_row(&mut row[ox..], &from[..head], weight);
-                    add_row(&mut row[..window - head], &from[head..], weight);
                 }
             }
-        }
-    });
+        });
+    }
 }
 
 /// `row += weight * from`; the usual lengths are unrolled.

@@ -29,6 +29,9 @@ const FALLBACK: f32 = 30.0;
 /// gradient of their exemplar within 2 %.
 const SOFTNESS: f32 = 0.4;
 
+/// Planes a task fills: a site may fill 12, and is looked at again by each task that it meets.
+const SLAB: usize = 16;
+
 /// For each voxel the values of `values` at a place of the exemplar that fits there.
 ///
 /// Values are mostly copied, not averaged, so that sharpness and noise stay the exemplar's. A copied
@@ -44,17 +47,15 @@ pub fn carry(
     output: &Field,
     values: &Field,
     map: &MatchMap,
-    slab: usize,
     key: Key,
     monitor: &Monitor<'_>,
 ) -> Result<Field> {
     let shape = map.lattice.shape;
     let plane = shape[1] * shape[2];
-    let slab = slab.max(1);
     let mut places = vec![0u32; voxels(shape)];
-    places.par_chunks_mut(slab * plane).enumerate().try_for_each(|(i, places)| {
+    places.par_chunks_mut(SLAB * plane).enumerate().try_for_each(|(i, places)| {
         monitor.check()?;
-        Cells { source, output, map, key, first: i * slab }.fill(places);
+        Cells { source, output, map, key, first: i * SLAB }.fill(places);
         Ok(())
     })?;
     let mut out = Field::zeros(shape, values.channels());
@@ -64,7 +65,8 @@ pub fn carry(
     }
     let carried = Source { field: values, laplacian: None, views: source.views };
     let weights = vec![1.0; map.matches.len()];
-    let mean = blend(&carried, map, &weights, &out, slab, monitor)?.mean;
+    let mut mean = out.clone();
+    blend(&carried, map, &weights, &mut mean, monitor)?;
     for c in 0..values.channels() {
         let smooth = mean.channel(c);
         out.channel_mut(c).par_iter_mut().zip(smooth).for_each(|(v, m)| *v += SOFTNESS * (m - *v));

@@ -1,6 +1,6 @@
 //! The coarse-to-fine schedule and the expectation-maximisation passes.
 
-use super::blend::{Source, blend};
+use super::blend::{Gradients, Source, blend};
 use super::field::Field;
 use super::lattice::Lattice;
 use super::levels::Levels;
@@ -202,15 +202,14 @@ impl Run<'_> {
     ) -> Result<()> {
         let p = self.parameters;
         let Synthesis { field, map, .. } = &mut self.made;
-        let blended = blend(source, map, weights, field, p.slab, self.monitor)?;
-        *field = blended.mean;
+        let gradients = blend(source, map, weights, field, self.monitor)?;
         let shape = field.shape();
         for (c, quantiles) in quantiles.iter().enumerate() {
             self.monitor.check()?;
-            if let Some(laplacian) = &blended.laplacian {
+            if let Some(Gradients { weight, laplacian }) = &gradients {
                 let wanted = laplacian.channel(c);
                 let values = field.channel_mut(c);
-                poisson::solve(values, &blended.weight, wanted, p.gradient, shape, p.boundary);
+                poisson::solve(values, weight, wanted, p.gradient, shape, p.boundary);
             }
             quantiles.match_values(field.channel_mut(c), self.levels.domains[level].as_deref());
         }

@@ -136,19 +136,18 @@ struct Scratch {
 /// reaches over the border).
 pub(super) fn gather(field: &Field, origin: [usize; 3], window: usize, out: &mut [f32]) {
     let [nz, ny, nx] = field.shape();
-    let head = window.min(nx - origin[2]);
-    let line = |row: usize| {
-        let (z, y) = ((origin[0] + row / window) % nz, (origin[1] + row % window) % ny);
-        (z * ny + y) * nx
-    };
+    let [oz, oy, ox] = origin;
+    let head = window.min(nx - ox);
+    let wrapped = |at: usize, n: usize| if at < n { at } else { at - n };
+    let start = |dz: usize, dy: usize| (wrapped(oz + dz, nz) * ny + wrapped(oy + dy, ny)) * nx;
     for (c, out) in out.chunks_exact_mut(window.pow(3)).enumerate() {
         let values = field.channel(c);
         if head == window {
-            copy_rows(values, window, |row| line(row) + origin[2], out);
+            copy_rows(values, window, |dz, dy| start(dz, dy) + ox, out);
         } else {
             for (row, out) in out.chunks_exact_mut(window).enumerate() {
-                let line = &values[line(row)..][..nx];
-                out[..head].copy_from_slice(&line[origin[2]..]);
+                let line = &values[start(row / window, row % window)..][..nx];
+                out[..head].copy_from_slice(&line[ox..]);
                 out[head..].copy_from_slice(&line[..window - head]);
             }
         }

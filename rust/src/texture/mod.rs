@@ -3,7 +3,7 @@
 //! [`synthesize`] runs a coarse-to-fine schedule of expectation-maximisation passes. A pass is pure:
 //! it maps the previous volume and match map to the next ones, and no site sees what another site
 //! found in the same pass. Together with random numbers keyed by position this makes the result the
-//! same for any number of threads and any split into slabs.
+//! same for any number of threads.
 
 pub mod blend;
 pub mod carry;

@@ -247,14 +247,14 @@ impl<'a> Neighbourhoods<'a> {
         let w = self.window;
         let view = self.view(m);
         let [z, y, x] = m.origin.map(usize::from);
-        let start = |row: usize| view.index([z + row / w, y + row % w, x]);
+        let start = |dz: usize, dy: usize| view.index([z + dz, y + dy, x]);
         for (c, out) in out.chunks_exact_mut(w * w * w).enumerate() {
             let values = self.field.channel(c);
             if view.stride[2] == 1 {
                 copy_rows(values, w, start, out);
             } else {
                 for (row, out) in out.chunks_exact_mut(w).enumerate() {
-                    let mut at = start(row) as isize;
+                    let mut at = start(row / w, row % w) as isize;
                     for o in out {
                         *o = values[at as usize];
                         at += view.stride[2];
@@ -269,7 +269,7 @@ impl<'a> Neighbourhoods<'a> {
         let w = self.window;
         let view = self.view(m);
         let [z, y, x] = m.origin.map(usize::from);
-        let start = |row: usize| view.index([z + row / w, y + row % w, x]);
+        let start = |dz: usize, dy: usize| view.index([z + dz, y + dy, x]);
         let mut sum = 0.0;
         for (c, own) in values.chunks_exact(w * w * w).enumerate() {
             sum += squared_difference(self.field.channel(c), (start, view.stride[2]), w, own);
@@ -300,17 +300,23 @@ impl<'a> Neighbourhoods<'a> {
 #[derive(Default)]
 pub struct Projection(Array2<f32>);
 
-/// Copies the rows of a cube of edge `w`, which start in `values` where `start` says.
+/// Copies the rows of a cube of edge `w`, which start in `values` where `start(z, y)` says.
 ///
 /// The usual edges have loops of their own: for four values a call of the library's copy costs more
 /// than the copy.
 #[inline(always)]
-pub fn copy_rows(values: &[f32], w: usize, start: impl Fn(usize) -> usize, out: &mut [f32]) {
+pub fn copy_rows(values: &[f32], w: usize, start: impl Fn(usize, usize) -> usize, out: &mut [f32]) {
     #[inline(always)]
-    fn fixed<const W: usize>(values: &[f32], start: impl Fn(usize) -> usize, out: &mut [f32]) {
-        for (row, out) in out.as_chunks_mut::<W>().0.iter_mut().enumerate() {
-            if let Some(from) = values[start(row)..].first_chunk() {
-                *out = *from;
+    fn fixed<const W: usize>(
+        values: &[f32],
+        start: impl Fn(usize, usize) -> usize,
+        out: &mut [f32],
+    ) {
+        for (z, plane) in out.chunks_exact_mut(W * W).enumerate() {
+            for (y, out) in plane.as_chunks_mut::<W>().0.iter_mut().enumerate() {
+                if let Some(from) = values[start(z, y)..].first_chunk() {
+                    *out = *from;
+                }
             }
         }
     }
@@ -320,7 +326,7 @@ pub fn copy_rows(values: &[f32], w: usize, start: impl Fn(usize) -> usize, out: 
         10 => fixed::<10>(values, start, out),
         _ => {
             for (row, out) in out.chunks_exact_mut(w).enumerate() {
-                out.copy_from_slice(&values[start(row)..][..w]);
+                out.copy_from_slice(&values[start(row / w, row % w)..][..w]);
             }
         }
     }
@@ -337,23 +343,29 @@ fn quantise(values: &[f32], used: usize, (scale, limit): (f32, f32), out: &mut [
     }
 }
 
-/// Summed squared difference of a cube of edge `w`, whose rows start in `values` where `start` says
-/// and go on in steps of `stride`, and its `own` values.
+/// Summed squared difference of a cube of edge `w`, whose rows start in `values` where `start(z, y)`
+/// says and go on in steps of `stride`, and its `own` values.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 fn squared_difference(
     values: &[f32],
-    (start, stride): (impl Fn(usize) -> usize, isize),
+    (start, stride): (impl Fn(usize, usize) -> usize, isize),
     w: usize,
     own: &[f32],
 ) -> f32 {
     #[inline(always)]
-    fn fixed<const W: usize>(values: &[f32], start: impl Fn(usize) -> usize, own: &[f32]) -> f32 {
+    fn fixed<const W: usize>(
+        values: &[f32],
+        start: impl Fn(usize, usize) -> usize,
+        own: &[f32],
+    ) -> f32 {
         let mut sums = [0.0f32; W];
-        for (row, own) in own.as_chunks::<W>().0.iter().enumerate() {
-            let from = &values[start(row)..][..W];
-            for i in 0..W {
-                let d = own[i] - from[i];
-                sums[i] += d * d;
+        for (z, plane) in own.chunks_exact(W * W).enumerate() {
+            for (y, own) in plane.as_chunks::<W>().0.iter().enumerate() {
+                let from = &values[start(z, y)..][..W];
+                for i in 0..W {
+                    let d = own[i] - from[i];
+                    sums[i] += d * d;
+                }
             }
         }
         sums.iter().sum()
@@ -365,7 +377,7 @@ fn squared_difference(
         _ => {
             let mut sum = 0.0;
             for (row, own) in own.chunks_exact(w).enumerate() {
-                let mut at = start(row) as isize;
+                let mut at = start(row / w, row % w) as isize;
                 for o in own {
                     let d = o - values[at as usize];
                     sum += d * d;

@@ -57,7 +57,6 @@ pub struct Parameters {
     pub adaptive: bool,
     pub gradient: f32,
     pub boundary: Boundary,
-    pub slab: usize,
 }
 
 /// Voxels that are given, and voxels that matter.

@@ -4,6 +4,7 @@ use super::penalty::Continuations;
 use super::{Scene, Search, squared_distance};
 use crate::texture::lattice::Links;
 use crate::texture::match_map::Match;
+use crate::volume::{Shape, position};
 
 /// Radii, in voxels, of the random samples around a site's own match.
 const LOCAL_RADII: [usize; 2] = [8, 2];
@@ -43,16 +44,20 @@ fn propagate(scene: &Scene<'_>, first: usize, queries: &[i16], active: &[bool], 
     let set = scene.neighbourhoods;
     let dims = set.dims();
     let mut wanted = Vec::with_capacity(GROUP * CANDIDATES);
+    let mut place = position(scene.lattice.sites(), first);
     for from in (0..out.len()).step_by(GROUP) {
         let lanes = from..out.len().min(from + GROUP);
         let mut tried = [[Match::NONE; GROUP]; CANDIDATES];
         let mut continuations = Continuations::<GROUP>::none();
-        for (lane, at) in lanes.clone().enumerate().filter(|(_, at)| active[*at]) {
-            let links = scene.links(first + at);
-            candidates(scene, first + at, links, |c, found| tried[c][lane] = found);
-            if scene.run.is_some() {
-                continuations.look_up(lane, scene, links);
+        for (lane, at) in lanes.clone().enumerate() {
+            if active[at] {
+                let links = scene.links(place);
+                candidates(scene, first + at, links, |c, found| tried[c][lane] = found);
+                if scene.run.is_some() {
+                    continuations.look_up(lane, scene, links);
+                }
             }
+            place = following(place, scene.lattice.sites());
         }
         wanted.clear();
         for c in 0..CANDIDATES {
@@ -88,6 +93,18 @@ fn propagate(scene: &Scene<'_>, first: usize, queries: &[i16], active: &[bool], 
         for (lane, at) in lanes.enumerate().filter(|(_, at)| active[*at]) {
             out[at] = tried[best[lane]][lane];
         }
+    }
+}
+
+/// The next site in C order.
+#[inline(always)]
+const fn following([z, y, x]: [usize; 3], [_, ny, nx]: Shape) -> [usize; 3] {
+    if x + 1 < nx {
+        [z, y, x + 1]
+    } else if y + 1 < ny {
+        [z, y + 1, 0]
+    } else {
+        [z + 1, 0, 0]
     }
 }
 
@@ -131,11 +148,14 @@ fn candidates(
         add(0, kept);
         let limit = set.limit(kept.orientation);
         for (k, radius) in LOCAL_RADII.into_iter().enumerate() {
-            let step = std::array::from_fn(|a| {
-                key.below((3 * k + a) as u64, 2 * radius + 1) as i32 - radius as i32
-            });
+            let [z, y, x, _] = key.below_each(k as u64, [2 * radius + 1; 4]);
+            let step = [z, y, x].map(|n| n as i32 - radius as i32);
             add(7 + k, kept.moved(step, limit));
         }
     }
-    add(9, set.match_at(key.below(6, set.len())));
+    // Every orientation has as many windows.
+    let orientation = key.below(2, set.views().len()) as u16;
+    let [nz, ny, nx] = set.limit(orientation).map(|n| n + 1);
+    let [z, y, x, _] = key.below_each(3, [nz, ny, nx, 1]);
+    add(9, Match { orientation, origin: [z, y, x].map(|n| n as u16) });
 }

@@ -53,16 +53,16 @@ impl<'a> Scene<'a> {
 
     /// Relations of a site to the map of the pass before, along each axis.
     #[inline(always)]
-    fn links(&self, index: usize) -> [&Links; 3] {
-        let at = position(self.lattice.sites(), index);
-        std::array::from_fn(|a| &self.links[a][at[a]])
+    fn links(&self, [z, y, x]: [usize; 3]) -> [&Links; 3] {
+        [&self.links[0][z], &self.links[1][y], &self.links[2][x]]
     }
 
     /// A site and what it sees.
     fn site(&'a self, index: usize, query: &'a [i16]) -> Site<'a> {
         let run = self.run.map(|run| {
             let mut continuations = Continuations::none();
-            continuations.look_up(0, self, self.links(index));
+            let place = position(self.lattice.sites(), index);
+            continuations.look_up(0, self, self.links(place));
             (run.cost, continuations)
         });
         Site { scene: self, index, query, run }
