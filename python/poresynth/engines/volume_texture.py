@@ -57,12 +57,14 @@ class VolumeTexture:
         Euler number, skeleton tips, thickness, spacing and surface is 2.7 % instead of 10.7 % on
         trabecular bone and 5.2 % instead of 20.8 % on Berea sandstone, at equal or higher novelty.
         Intensities (of labels: one-hot phases) are the paper's choice. ``"auto"`` takes distance
-        for two values and for labels, and for gray values if it explains 93.5 % of their structure,
-        1 − C_r(1) / C_g(1): the autocovariances at one voxel of the gray values, blurred by one
-        voxel against noise, and of what their mean at each distance leaves of them. Bone and cement
-        have 95 to 98 %, noisy ones too, Gaussian random fields 87 to 92 %. On six such fields the
-        gray values that distance carries over leave borders: their sharpest jumps were 1.47 times
-        the exemplar's on average, 1.04 with intensities, at like structure.
+        for two values and for labels (eight volumes of three and four: mean structure error 13.2 %
+        against 13.0 %, two-point error 5.0 % against 5.6 %), and for gray values if it explains
+        93.5 % of their structure, 1 − C_r(1) / C_g(1): the autocovariances at one voxel of the gray
+        values, blurred by one voxel against noise, and of what their mean at each distance leaves
+        of them. Bone and cement have 94.7 to 98 %, also noisy ones, Gaussian random fields 87 to
+        92 %. In six such fields the gray values that distance carries over met at borders, with
+        sharpest jumps 1.47 times the exemplar's instead of 1.03; structure was alike, and novelty
+        0.46 instead of 0.36.
     clip : int, default 6
         Where the signed distance is clipped, voxels: about the radius of the features. Much more
         makes the windows' variance that of the largest pores.

@@ -64,11 +64,11 @@ def render(
         "exemplar": _describe(exemplar),
         "new volume": _describe(volume),
         "engine": _engine(origin),
-        "synthesised": str(origin.get("field_reason", "not recorded")),
         "seed": str(origin.get("seed", "not recorded")),
         "boundary": str(origin.get("boundary", "not recorded")),
         "made with": f"poresynth {origin.get('version', '(not recorded)')}",
         "reported": f"{now:%Y-%m-%d %H:%M %Z}, poresynth {__version__}",
+        "synthesised": str(origin.get("field_reason", "not recorded")),
     }
     sections = [
         html.Section("Figures", html.figures_table(_groups(comparison))),
