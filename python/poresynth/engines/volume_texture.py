@@ -40,7 +40,7 @@ class VolumeTexture:
     ----------
     preset : {"quality", "fast", "paper"}, default "quality"
         Where the parameters that are not given come from. ``"quality"``: three levels, coherent
-        search, run penalty. ``"fast"``: two levels, two windows, half of the iterations.
+        search, run penalty. ``"fast"``: two levels, two windows, a third of the iterations.
         ``"paper"``: the parameters of zhang_2017 §5.1, with intensities, a kd-tree, the index
         histogram and adaptive weights; without symmetric copies, which the paper names but does not
         count (``symmetry="full"`` adds all).
@@ -110,8 +110,11 @@ class VolumeTexture:
         voxels without it, 15 % at 0.1 and 14 % at 0.3.
     run_reach : int, default 12
         Distance, in voxels of the level, over which a copy must not go on.
-    exponent : float, default 0.8
-        r of Eq. 2: windows that fit badly weigh less; 2 weighs all alike.
+    exponent : float, default 0.2
+        r of Eq. 2: windows that fit badly weigh less; 2 weighs all alike, the paper has 0.8. Lower
+        is sharper: Berea sandstone's mean gradient comes out 4.5 % too low at 0.8, 3 % at 0.2, 2.5 %
+        at 0, at like structure (bone's error 3.3, 2.5 and 2.2 %, three seeds of 152³), but novelty
+        falls slightly, too.
     adaptive : bool, default False
         The factor λ of Eq. 2, which grows by 5 % when the energy falls and shrinks by 30 % when it
         rises, each by more than the tenth that the random lattice makes. Without effect when
@@ -529,9 +532,7 @@ class VolumeTexture:
         gray = field
         if self.field_ == "distance":
             values = np.ascontiguousarray(_channels_first(exemplar), dtype=np.float32)
-            gray = _core.carry(
-                exemplar_field, field, values, match_map, seed=seed, threads=threads
-            )
+            gray = _core.carry(exemplar_field, field, values, match_map, seed=seed, threads=threads)
         out = np.zeros((len(gray), *phase.shape), exemplar.dtype)
         for k in (0, 1):
             here = phase == k if free is None else (phase == k) & free
