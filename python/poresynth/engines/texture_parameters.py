@@ -70,7 +70,7 @@ class TextureParameters(BaseModel):
 
 PRESETS: dict[str, dict[str, Any]] = {
     "quality": {},
-    "fast": {"levels": 2, "windows": (8, 4), "iterations": 4},
+    "fast": {"levels": 2, "windows": (8, 4), "iterations": 6},
     "paper": {
         "field": "intensity",
         "levels": 2,

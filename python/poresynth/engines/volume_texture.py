@@ -40,7 +40,7 @@ class VolumeTexture:
     ----------
     preset : {"quality", "fast", "paper"}, default "quality"
         Where the parameters that are not given come from. ``"quality"``: three levels, coherent
-        search, run penalty. ``"fast"``: two levels, two windows, a third of the iterations.
+        search, run penalty. ``"fast"``: two levels, two windows, half of the iterations.
         ``"paper"``: the parameters of zhang_2017 §5.1, with intensities, a kd-tree, the index
         histogram and adaptive weights; without symmetric copies, which the paper names but does not
         count (``symmetry="full"`` adds all).
@@ -69,8 +69,9 @@ class VolumeTexture:
         Where the signed distance is clipped, voxels: about the radius of the features. Much more
         makes the windows' variance that of the largest pores.
     smoothing : float, default 0.5
-        Gaussian blur of the final distance before the cut, voxels, against single-voxel roughness;
-        on Berea sandstone structure and surface stay within 0.2 % of those without.
+        Gaussian blur of the final distance before the cut, voxels, against single-voxel roughness:
+        without it the structure error is 7.8 instead of 6.3 % on Berea sandstone, 3.6 instead of
+        2.6 % on bone.
     levels : int, default 3
         Resolutions, each half of the one before; the paper has two. The coarser the first, the
         longer the range over which structures are kept in order.
