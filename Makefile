@@ -36,6 +36,7 @@ format: $(VENV)/installed-all ## format the Rust and the Python code
 bench: $(VENV)/installed-all ## all benchmarks; writes the tables and pictures of README.md
 	cargo bench -- --warm-up-time 0.3 --measurement-time 0.5 --sample-size 10
 	$(BIN)/python benches/python/run.py
+	$(BIN)/python benches/python/scaling.py
 	$(BIN)/python benches/python/results.py
 	$(BIN)/python benches/python/trade_off.py
 	$(BIN)/python benches/python/opening_picture.py
