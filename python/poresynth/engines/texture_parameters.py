@@ -36,9 +36,9 @@ class TextureParameters(BaseModel):
     search: Literal["coherent", "kd_tree", "brute_force"] = "coherent"
     candidates: int = Field(10, ge=1)
     index_weight: Literal["off", "literal", "normalised"] = "off"
-    run_penalty: float = Field(0.3, ge=0)
+    run_penalty: float = Field(0.5, ge=0)
     run_reach: int = Field(12, ge=1)
-    exponent: float = Field(0.2, ge=0, le=2)
+    exponent: float = Field(0.1, ge=0, le=2)
     adaptive: bool = False
     gradient: float = Field(0.0, ge=0, le=10)
 
