@@ -38,7 +38,7 @@ const SLAB: usize = 16;
 /// noise texture must not change its source at every lattice cell, or the cells show: a random few of
 /// the sites lead irregular cells of five voxels or so, which they fill as far as their place in the
 /// exemplar agrees with the output's field; elsewhere the nearest window that agrees steps in.
-/// Memory: 8 bytes a voxel, and 12 a channel.
+/// Memory: 4 bytes a voxel, and 8 a channel.
 ///
 /// # Errors
 /// If the caller cancels.

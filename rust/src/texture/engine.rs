@@ -40,7 +40,7 @@ const SAME: f64 = 0.1;
 
 /// Makes a field of this shape whose windows all look like windows of the exemplar.
 ///
-/// Memory: about 28 bytes a voxel of the output and channel with the gradient term, 12 without, and
+/// Memory: about 24 bytes a voxel of the output and channel with the gradient term, 8 without, and
 /// `2·dims` bytes a voxel of the exemplar and orientation.
 ///
 /// # Errors
