@@ -338,11 +338,11 @@ class VolumeTexture:
     def estimate_memory(self, shape: tuple[int, int, int]) -> int:
         """Return the peak memory of `sample` in bytes.
 
-        Per voxel of the output 4 bytes and 13 a field channel (27 with the gradient term); for a gray
-        exemplar 4 more, and where distance is synthesised 8 a gray channel: 3 to 25 % above what was
-        measured on binary, gray and label volumes, more on intensities of several channels. Per voxel of the exemplar 24 bytes, 8 a channel,
-        and the descriptors: 2 bytes a component, times the number of symmetric copies, with 32 more
-        for the kd-tree.
+        Per voxel of the output 4 bytes and 13 a field channel (27 with the gradient term); for a
+        gray exemplar 4 more, and where distance is synthesised 8 a gray channel. That is 3 to 25 %
+        above what was measured on binary, gray and label volumes, more on intensities of several
+        channels. Per voxel of the exemplar 24 bytes, 8 a channel, and the descriptors: 2 bytes a
+        component, times the number of symmetric copies, with 32 more for the kd-tree.
         """
         self._check_fitted()
         p = self.parameters_
