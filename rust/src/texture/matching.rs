@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::field::Field;
 use super::lattice::Lattice;
 use super::match_map::Match;
-use super::neighbourhoods::{BLOCK, Projection, copy_rows};
+use super::neighbourhoods::{BLOCK, Neighbourhoods, Projection, copy_rows};
 use super::search::{Scene, Search};
 use crate::error::Result;
 use crate::monitor::Monitor;
@@ -75,10 +75,9 @@ pub(super) fn match_sites(
     monitor: &Monitor<'_>,
 ) -> Result<(Vec<Match>, Matched)> {
     let set = scene.neighbourhoods;
-    let (n, length, dims) = (active.len(), set.length(), set.dims());
+    let (n, length) = (active.len(), set.length());
     let mut matches = vec![Match::NONE; n];
     let mut out = Matched { weights: vec![0.0; n], data: vec![0.0; n], gradient: vec![0.0; n] };
-    let sites = scene.lattice.sites();
     matches
         .par_chunks_mut(BLOCK)
         .zip(out.weights.par_chunks_mut(BLOCK))
@@ -94,16 +93,7 @@ pub(super) fn match_sites(
                 if !active.contains(&true) {
                     return Ok(());
                 }
-                scratch.windows.resize(count * length, 0.0);
-                scratch.queries.resize(count * dims, 0);
-                for (i, window) in scratch.windows.chunks_exact_mut(length).enumerate() {
-                    if active[i] {
-                        let at = position(sites, first + i);
-                        let origin = std::array::from_fn(|a| scene.lattice.origins[a][at[a]]);
-                        gather(field, origin, set.window(), window);
-                    }
-                }
-                set.describe(&scratch.windows, &mut scratch.projection, &mut scratch.queries);
+                scratch.describe(set, field, scene.lattice, first, active);
                 backend.search(scene, first, &scratch.queries, active, matches);
                 scratch.candidate.resize(length, 0.0);
                 for i in (0..count).filter(|&i| active[i]) {
@@ -124,17 +114,43 @@ pub(super) fn match_sites(
     Ok((matches, out))
 }
 
+/// Memory of a task.
 #[derive(Default)]
-struct Scratch {
+pub(super) struct Scratch {
     windows: Vec<f32>,
-    queries: Vec<i16>,
+    /// Descriptors of the windows, one after the other.
+    pub(super) queries: Vec<i16>,
     candidate: Vec<f32>,
     projection: Projection,
 }
 
+impl Scratch {
+    /// Collects and describes the windows of the active ones among the sites from `first` on.
+    pub(super) fn describe(
+        &mut self,
+        set: &Neighbourhoods<'_>,
+        field: &Field,
+        lattice: &Lattice,
+        first: usize,
+        active: &[bool],
+    ) {
+        let (sites, length) = (lattice.sites(), set.length());
+        self.windows.resize(active.len() * length, 0.0);
+        self.queries.resize(active.len() * set.dims(), 0);
+        for (i, window) in self.windows.chunks_exact_mut(length).enumerate() {
+            if active[i] {
+                let at = position(sites, first + i);
+                let origin = std::array::from_fn(|a| lattice.origins[a][at[a]]);
+                gather(field, origin, set.window(), window);
+            }
+        }
+        set.describe(&self.windows, &mut self.projection, &mut self.queries);
+    }
+}
+
 /// Copies a window of the output, which wraps if the boundary is periodic (an open lattice never
 /// reaches over the border).
-pub(super) fn gather(field: &Field, origin: [usize; 3], window: usize, out: &mut [f32]) {
+fn gather(field: &Field, origin: [usize; 3], window: usize, out: &mut [f32]) {
     let [nz, ny, nx] = field.shape();
     let [oz, oy, ox] = origin;
     let head = window.min(nx - ox);

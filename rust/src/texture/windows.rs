@@ -6,15 +6,15 @@ use rayon::prelude::*;
 use super::field::Field;
 use super::lattice::Lattice;
 use super::match_map::{Match, MatchMap};
-use super::matching::gather;
-use super::neighbourhoods::{BLOCK, Neighbourhoods, Projection, limit_of};
+use super::matching::Scratch;
+use super::neighbourhoods::{BLOCK, Neighbourhoods, limit_of};
 use super::parameters::{Backend, Stage};
 use super::search::{Scene, prepare};
 use super::symmetry::Orientation;
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 use crate::rng::Key;
-use crate::volume::{Boundary, Shape, position, voxels};
+use crate::volume::{Boundary, Shape, voxels};
 
 /// Descriptors (z, y, x, component) of all windows of an exemplar, and of the windows of a volume on
 /// a lattice that is not shifted.
@@ -42,19 +42,15 @@ pub fn describe(
     let set =
         Neighbourhoods::new(exemplar, window, &[Orientation::IDENTITY], components, key, monitor)?;
     let lattice = Lattice::new(volume.shape(), window, step, [0; 3], Boundary::Open);
-    let (sites, length, dims) = (lattice.sites(), set.length(), set.dims());
+    let (sites, dims) = (lattice.sites(), set.dims());
     let mut queries = vec![0i16; voxels(sites) * dims];
     queries.par_chunks_mut(BLOCK * dims).enumerate().try_for_each_init(
-        || (Vec::new(), Projection::default()),
-        |(windows, projection), (block, out)| {
+        Scratch::default,
+        |scratch, (block, out)| {
             monitor.check()?;
-            windows.resize(out.len() / dims * length, 0.0);
-            for (i, values) in windows.chunks_exact_mut(length).enumerate() {
-                let at = position(sites, block * BLOCK + i);
-                let origin = std::array::from_fn(|a| lattice.origins[a][at[a]]);
-                gather(volume, origin, window, values);
-            }
-            set.describe(windows, projection, out);
+            let all = vec![true; out.len() / dims];
+            scratch.describe(&set, volume, &lattice, block * BLOCK, &all);
+            out.copy_from_slice(&scratch.queries);
             Ok(())
         },
     )?;
