@@ -6,10 +6,12 @@ use poresynth_core::geometry::signed_distance;
 use poresynth_core::intensity::{Quantiles, cut_solid};
 use poresynth_core::monitor::Monitor;
 use poresynth_core::rng::Key;
-use poresynth_core::texture::blend::{Source, blend};
+use poresynth_core::texture::blend::{Mixing, Part, Source, blend};
 use poresynth_core::texture::match_map::random_blocks;
 use poresynth_core::texture::neighbourhoods::Neighbourhoods;
-use poresynth_core::texture::parameters::{Backend, IndexWeight};
+use poresynth_core::texture::parameters::{
+    Backend, Emphasis, Example, IndexWeight, LevelPlan, Start,
+};
 use poresynth_core::texture::search::{BruteForce, Coherent, KdTree, Scene, Search};
 use poresynth_core::texture::symmetry::Symmetry;
 use poresynth_core::texture::{
@@ -32,7 +34,7 @@ fn exemplar() -> Field {
 
 fn neighbourhoods(field: &Field, window: usize) -> Neighbourhoods<'_> {
     let all = Symmetry::None.orientations(None);
-    Neighbourhoods::new(field, window, &all, (32, 0.95), Key::new(0), &Monitor::silent())
+    Neighbourhoods::new(field, [window; 3], &all, (32, 0.95), Key::new(0), &Monitor::silent())
         .expect("the window fits")
 }
 
@@ -69,8 +71,13 @@ fn blending(c: &mut Criterion) {
         .expect("one value a voxel");
     let set = neighbourhoods(&field, 4);
     let (start, _) = random_blocks(&field, OUTPUT, 4, Boundary::Open, Key::new(2));
-    let lattice =
-        poresynth_core::texture::lattice::Lattice::new(OUTPUT, 4, 2, [0; 3], Boundary::Open);
+    let lattice = poresynth_core::texture::lattice::Lattice::new(
+        OUTPUT,
+        [4; 3],
+        [2; 3],
+        [0; 3],
+        Boundary::Open,
+    );
     let n = voxels(lattice.sites());
     let matches = (0..n as u64).map(|i| set.match_at(Key::new(4).below(i, set.len()))).collect();
     let map = MatchMap { lattice, matches };
@@ -78,9 +85,10 @@ fn blending(c: &mut Criterion) {
     let mut group = c.benchmark_group("optimisation, window 4");
     group.throughput(Throughput::Elements(voxels(OUTPUT) as u64));
     for (name, laplacian) in [("blend", None), ("blend with Laplacian", Some(&laplacian))] {
-        let source = Source { field: &field, laplacian, views: set.views() };
+        let source = Source { field: &field, emphasis: None, laplacian, views: set.views() };
+        let parts = [Part { source: &source, map: &map, weights: &weights }];
         group.bench_function(name, |b| {
-            b.iter(|| blend(&source, &map, &weights, &mut start.clone(), &Monitor::silent()));
+            b.iter(|| blend(&parts, Mixing::MEAN, &mut start.clone(), &Monitor::silent()));
         });
     }
     let zeros = vec![0.0; voxels(OUTPUT)];
@@ -134,16 +142,23 @@ fn intensities(c: &mut Criterion) {
 
 fn whole(c: &mut Criterion) {
     let field = exemplar();
-    let parameters = Parameters {
-        levels: 2,
-        stages: vec![Stage { window: 8, step: 4 }, Stage { window: 4, step: 2 }],
+    let plan = LevelPlan {
         iterations: 6,
+        backend: Backend::Coherent,
+        mixing: Mixing::MEAN,
+        mode_steps: 0,
+    };
+    let examples = [Example::volume(field, Symmetry::None.orientations(None))];
+    let parameters = Parameters {
+        levels: vec![plan; 2],
+        stages: vec![Stage { window: 8, step: 4 }, Stage { window: 4, step: 2 }],
         tolerance: 0.005,
-        block: 8,
+        patience: 3,
+        start: Start::Blocks(8),
         components: 32,
         variance: 0.95,
-        orientations: Symmetry::None.orientations(None),
-        backend: Backend::Coherent,
+        emphasis: Emphasis::None,
+        match_histogram: true,
         index_weight: IndexWeight::Off,
         run_penalty: 0.3,
         run_reach: 12,
@@ -157,7 +172,7 @@ fn whole(c: &mut Criterion) {
     group.bench_function("96³ from 60³, two levels", |b| {
         b.iter(|| {
             let none = Constraints::default();
-            synthesize(&field, OUTPUT, &parameters, none, Key::new(0), &Monitor::silent())
+            synthesize(&examples, OUTPUT, &parameters, none, Key::new(0), &Monitor::silent())
         });
     });
     group.finish();

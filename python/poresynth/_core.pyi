@@ -51,7 +51,7 @@ class MatchMap:
     """Where in the exemplar each window of a synthetic volume comes from."""
 
     @property
-    def window(self) -> int: ...
+    def window(self) -> tuple[int, int, int]: ...
     @property
     def shape(self) -> tuple[int, int, int]: ...
     @property
@@ -61,7 +61,7 @@ class MatchMap:
     def copying(self) -> tuple[float, float]: ...
 
 def synthesize(
-    exemplar: npt.NDArray[np.float32],
+    examples: list[dict[str, Any]],
     shape: tuple[int, int, int],
     options: dict[str, Any],
     *,
@@ -73,7 +73,7 @@ def synthesize(
     progress: Callable[[str, float], object] | None = None,
 ) -> tuple[
     npt.NDArray[np.float32],
-    MatchMap,
+    list[MatchMap],
     list[tuple[int, int, int, float, float, float, float]],
 ]: ...
 def carry(

@@ -15,18 +15,24 @@ from tests.references.random_key import Key
 from poresynth import _core
 from poresynth.errors import ParameterError
 
-OPTIONS = {
-    "levels": 1,
-    "stages": [(4, 2)],
+LEVEL = {
     "iterations": 1,
+    "search": "brute_force",
+    "candidates": 10,
+    "bandwidth": None,
+    "relaxation": 1.0,
+    "mode_steps": 0,
+}
+OPTIONS = {
+    "levels": [LEVEL],
+    "stages": [(4, 2)],
     "tolerance": 0.0,
+    "patience": 3,
     "block": 4,
     "components": 64,
     "variance": 1.0,
-    "symmetry": "none",
-    "keep_axis": None,
-    "search": "brute_force",
-    "candidates": 10,
+    "emphasis": "none",
+    "match_histogram": True,
     "index_weight": "off",
     "run_penalty": 0.0,
     "run_reach": 6,
@@ -35,6 +41,12 @@ OPTIONS = {
     "gradient": 0.0,
     "boundary": "open",
 }
+
+
+def example(field: np.ndarray, **changes: object) -> dict[str, object]:
+    """An exemplar of shape (channel, z, y, x), as the kernel takes it."""
+    plain = {"field": field, "symmetry": "none", "keep_axis": None, "normal": None, "weight": 1.0}
+    return {**plain, **changes}
 
 
 def smooth_noise(shape: tuple[int, int, int], seed: int) -> np.ndarray:
@@ -47,8 +59,8 @@ def smooth_noise(shape: tuple[int, int, int], seed: int) -> np.ndarray:
 def test_one_iteration_equals_the_numpy_twin(boundary: str) -> None:
     exemplar = smooth_noise((12, 11, 13), 1)
     shape, seed, window, step = (10, 9, 12), 5, 4, 2
-    field, match_map, energy = _core.synthesize(
-        exemplar[None], shape, {**OPTIONS, "boundary": boundary}, seed=seed
+    field, [match_map], energy = _core.synthesize(
+        [example(exemplar[None])], shape, {**OPTIONS, "boundary": boundary}, seed=seed
     )
     key = Key.new(seed)
     start = twin.random_blocks(exemplar, shape, 4, boundary, key.with_(0))
@@ -73,11 +85,12 @@ def test_one_iteration_equals_the_numpy_twin(boundary: str) -> None:
 
 def test_the_gradient_term_moves_the_blend_towards_the_exemplars_gradients() -> None:
     exemplar = smooth_noise((14, 14, 14), 2)
+    level = {**LEVEL, "iterations": 6, "search": "coherent"}
     energies = [
         _core.synthesize(
-            exemplar[None],
+            [example(exemplar[None])],
             (14, 14, 14),
-            {**OPTIONS, "gradient": mu, "iterations": 6, "search": "coherent"},
+            {**OPTIONS, "gradient": mu, "levels": [level]},
             seed=1,
         )[2][-1][5]
         / mu
@@ -131,7 +144,7 @@ def test_the_cut_takes_exactly_the_wanted_largest_values(
 def test_arrays_of_any_memory_order_give_the_same() -> None:
     field = smooth_noise((8, 9, 10), 4)[None]
     made = [
-        _core.synthesize(array, (8, 8, 8), OPTIONS, seed=2)[0]
+        _core.synthesize([example(array)], (8, 8, 8), OPTIONS, seed=2)[0]
         for array in (field, np.asfortranarray(field), np.repeat(field, 2, axis=3)[..., ::2])
     ]
     np.testing.assert_array_equal(made[0], made[1])
@@ -141,17 +154,22 @@ def test_arrays_of_any_memory_order_give_the_same() -> None:
 def test_what_does_not_fit_is_refused() -> None:
     field = smooth_noise((8, 8, 8), 4)[None]
     for change in (
-        {"search": "magic"},
+        {"levels": [{**LEVEL, "search": "magic"}]},
         {"boundary": "closed"},
-        {"symmetry": "half"},
-        {"levels": 3},
+        {"emphasis": "strong"},
+        {"levels": [LEVEL] * 3},
     ):
         with pytest.raises(ParameterError):
-            _core.synthesize(field, (8, 8, 8), {**OPTIONS, **change}, seed=0)
+            _core.synthesize([example(field)], (8, 8, 8), {**OPTIONS, **change}, seed=0)
+    for other in (example(field, symmetry="half"), example(field, normal=0)):
+        with pytest.raises(ParameterError):
+            _core.synthesize([other], (8, 8, 8), OPTIONS, seed=0)
+    with pytest.raises(ParameterError, match="exemplars"):
+        _core.synthesize([], (8, 8, 8), OPTIONS, seed=0)
     broken = field.copy()
     broken[0, 0, 0, 0] = np.nan
     with pytest.raises(ParameterError, match="finite"):
-        _core.synthesize(broken, (8, 8, 8), OPTIONS, seed=0)
+        _core.synthesize([example(broken)], (8, 8, 8), OPTIONS, seed=0)
     with pytest.raises(ParameterError, match="wanted"):
         _core.cut_phases(np.zeros((2, 5), np.float32), [1, 1], seed=0)
 

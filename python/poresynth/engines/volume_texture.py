@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 
 __all__ = ["VolumeTexture"]
 
+PATIENCE = 3
+"""A window is done after this many iterations in a row without a new lowest energy. The lattice
+moves at random, and the energy with it by some percent, so that one iteration says little."""
+
 
 class VolumeTexture:
     """Synthesise volumes whose every neighbourhood looks like one of the exemplar's.
@@ -304,8 +308,8 @@ class VolumeTexture:
 
         p, phases = self.parameters_, self._phases
         exemplar_field = self._field(self.exemplar_.array, phases.phase)
-        field, match_map, energy = _core.synthesize(
-            exemplar_field,
+        field, [match_map], energy = _core.synthesize(
+            [self._example(exemplar_field)],
             shape,
             self._options(boundary),
             seed=seed,
@@ -444,19 +448,37 @@ class VolumeTexture:
             )
         return given, on
 
+    def _example(self, field: npt.NDArray[np.float32]) -> dict[str, Any]:
+        p = self.parameters_
+        return {
+            "field": field,
+            "symmetry": p.symmetry,
+            "keep_axis": None if p.keep_axis is None else "zyx".index(p.keep_axis),
+            "normal": None,
+            "weight": 1.0,
+        }
+
     def _options(self, boundary: str) -> dict[str, Any]:
         p = self.parameters_
         shared = p.model_dump(
             include={
-                "levels", "iterations", "tolerance", "block", "components", "variance", "symmetry",
-                "search", "candidates", "index_weight", "run_penalty", "run_reach", "exponent",
-                "adaptive", "gradient",
+                "tolerance", "block", "components", "variance", "index_weight", "run_penalty",
+                "run_reach", "exponent", "adaptive", "gradient",
             }
         )  # fmt: skip
+        level = {
+            **p.model_dump(include={"iterations", "search", "candidates"}),
+            "bandwidth": None,
+            "relaxation": 1.0,
+            "mode_steps": 0,
+        }
         return {
             **shared,
+            "levels": [level] * p.levels,
             "stages": p.stages(),
-            "keep_axis": None if p.keep_axis is None else "zyx".index(p.keep_axis),
+            "patience": PATIENCE,
+            "emphasis": "none",
+            "match_histogram": True,
             "boundary": boundary,
         }
 

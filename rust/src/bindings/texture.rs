@@ -9,8 +9,8 @@ use pyo3::prelude::*;
 use super::cancellable;
 use crate::error::{Error, Result};
 use crate::rng::Key;
-use crate::texture::blend::Source;
-use crate::texture::parameters::{Backend, IndexWeight};
+use crate::texture::blend::{Mixing, Source};
+use crate::texture::parameters::{Backend, Emphasis, Example, IndexWeight, LevelPlan, Start};
 use crate::texture::symmetry::{Orientation, Symmetry, View};
 use crate::texture::{
     Constraints, Field, Parameters, Stage, carry, copying, pyramid, synthesize as optimise, windows,
@@ -21,17 +21,15 @@ use crate::volume::Shape;
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(super) struct Options {
-    levels: usize,
+    levels: Vec<LevelOptions>,
     stages: Vec<(usize, usize)>,
-    iterations: usize,
     tolerance: f32,
-    block: usize,
+    patience: usize,
+    block: Option<usize>,
     components: usize,
     variance: f32,
-    symmetry: String,
-    keep_axis: Option<usize>,
-    search: String,
-    candidates: usize,
+    emphasis: String,
+    match_histogram: bool,
     index_weight: String,
     run_penalty: f32,
     run_reach: usize,
@@ -41,15 +39,33 @@ pub(super) struct Options {
     boundary: String,
 }
 
-impl Options {
-    fn orientations(&self) -> Result<Vec<Orientation>> {
-        Ok(self.symmetry.parse::<Symmetry>()?.orientations(self.keep_axis))
-    }
+/// What is done at one level, 0 the finest.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct LevelOptions {
+    iterations: usize,
+    search: String,
+    candidates: usize,
+    bandwidth: Option<f32>,
+    relaxation: f32,
+    mode_steps: usize,
+}
 
-    fn parameters(self) -> Result<Parameters> {
-        Ok(Parameters {
-            orientations: self.orientations()?,
+impl LevelOptions {
+    fn plan(&self) -> Result<LevelPlan> {
+        Ok(LevelPlan {
+            iterations: self.iterations,
             backend: backend(&self.search, self.candidates)?,
+            mixing: Mixing { bandwidth: self.bandwidth, relaxation: self.relaxation },
+            mode_steps: self.mode_steps,
+        })
+    }
+}
+
+impl Options {
+    fn parameters(&self) -> Result<Parameters> {
+        Ok(Parameters {
+            levels: self.levels.iter().map(LevelOptions::plan).collect::<Result<_>>()?,
             index_weight: match self.index_weight.as_str() {
                 "off" => IndexWeight::Off,
                 "literal" => IndexWeight::Literal,
@@ -59,20 +75,58 @@ impl Options {
                     return Err(Error::parameter("index_weight", other, allowed));
                 }
             },
+            emphasis: match self.emphasis.as_str() {
+                "none" => Emphasis::None,
+                "histogram" => Emphasis::Histogram,
+                "position" => Emphasis::Position,
+                other => {
+                    let allowed = "must be 'none', 'histogram' or 'position'";
+                    return Err(Error::parameter("emphasis", other, allowed));
+                }
+            },
+            start: self.block.map_or(Start::Voxels, Start::Blocks),
             boundary: self.boundary.parse()?,
-            levels: self.levels,
             stages: self.stages.iter().map(|&(window, step)| Stage { window, step }).collect(),
-            iterations: self.iterations,
             tolerance: self.tolerance,
-            block: self.block,
+            patience: self.patience,
             components: self.components,
             variance: self.variance,
+            match_histogram: self.match_histogram,
             run_penalty: self.run_penalty,
             run_reach: self.run_reach,
             exponent: self.exponent,
             adaptive: self.adaptive,
             gradient: self.gradient,
         })
+    }
+}
+
+/// An exemplar, as the dictionary that Python passes: a volume with its symmetric copies, or an image
+/// for the planes perpendicular to an axis.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(super) struct ExampleOptions<'py> {
+    field: PyReadonlyArray4<'py, f32>,
+    symmetry: String,
+    keep_axis: Option<usize>,
+    normal: Option<usize>,
+    weight: f32,
+}
+
+impl ExampleOptions<'_> {
+    fn example(&self) -> Result<Example> {
+        let values = field(self.field.as_array())?;
+        let symmetry = self.symmetry.parse::<Symmetry>()?;
+        match self.normal {
+            None => Ok(Example::volume(values, symmetry.orientations(self.keep_axis))),
+            Some(axis) if axis < 3 && values.shape()[0] == 1 => {
+                Ok(Example::image(values, axis, symmetry == Symmetry::Full, self.weight))
+            }
+            Some(axis) => {
+                let allowed = "must be an axis, 0 to 2, of an image of shape (1, y, x)";
+                Err(Error::parameter("normal", (axis, values.shape()), allowed))
+            }
+        }
     }
 }
 
@@ -97,10 +151,10 @@ pub(super) struct MatchMap {
 
 #[pymethods]
 impl MatchMap {
-    /// Edge of the windows, voxels.
+    /// Edges (z, y, x) of the windows, voxels.
     #[getter]
-    fn window(&self) -> usize {
-        self.map.lattice.window
+    fn window(&self) -> (usize, usize, usize) {
+        self.map.lattice.window.into()
     }
 
     /// Shape (z, y, x) of the volume that the windows cover.
@@ -144,13 +198,13 @@ impl MatchMap {
 /// `(level, window, iteration, energy, data, gradient, factor)` of one iteration.
 type EnergyRow = (usize, usize, usize, f64, f64, f64, f32);
 
-/// Synthesises a field: `exemplar` (channel, z, y, x) to `(field, match map, energy records)`.
+/// Synthesises a field: exemplars to `(field, a match map each, energy records)`.
 #[pyfunction]
-#[pyo3(signature = (exemplar, shape, options, *, seed, known=None, known_mask=None, domain=None, threads=0, progress=None))]
+#[pyo3(signature = (examples, shape, options, *, seed, known=None, known_mask=None, domain=None, threads=0, progress=None))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn synthesize<'py>(
     py: Python<'py>,
-    exemplar: PyReadonlyArray4<'py, f32>,
+    examples: Vec<ExampleOptions<'py>>,
     shape: (usize, usize, usize),
     options: Options,
     seed: u64,
@@ -159,9 +213,9 @@ pub(super) fn synthesize<'py>(
     domain: Option<PyReadonlyArray3<'py, bool>>,
     threads: usize,
     progress: Option<Bound<'py, PyAny>>,
-) -> PyResult<(Bound<'py, PyArray4<f32>>, MatchMap, Vec<EnergyRow>)> {
-    let exemplar = field(exemplar.as_array())?;
-    let orientations = options.orientations()?;
+) -> PyResult<(Bound<'py, PyArray4<f32>>, Vec<MatchMap>, Vec<EnergyRow>)> {
+    let examples: Vec<Example> =
+        examples.iter().map(ExampleOptions::example).collect::<Result<_>>()?;
     let parameters = options.parameters()?;
     let mask = |m: PyReadonlyArray3<'py, bool>| m.as_array().iter().copied().collect::<Vec<_>>();
     let known = match (known, known_mask) {
@@ -170,14 +224,20 @@ pub(super) fn synthesize<'py>(
     };
     let constraints = Constraints { known, domain: domain.map(mask) };
     let made = cancellable::run(py, threads, progress.as_ref(), |monitor| {
-        optimise(&exemplar, shape.into(), &parameters, constraints, Key::new(seed), monitor)
+        optimise(&examples, shape.into(), &parameters, constraints, Key::new(seed), monitor)
     })?;
     let energy = made
         .energy
         .iter()
         .map(|e| (e.level, e.window, e.iteration, e.energy, e.data, e.gradient, e.factor))
         .collect();
-    Ok((wrap(py, made.field)?, MatchMap { map: made.map, orientations }, energy))
+    let maps = made
+        .maps
+        .into_iter()
+        .zip(examples)
+        .map(|(map, example)| MatchMap { map, orientations: example.orientations })
+        .collect();
+    Ok((wrap(py, made.field)?, maps, energy))
 }
 
 /// Brings values of the exemplar (channel, z, y, x) to a synthetic field through its match map.
@@ -205,7 +265,7 @@ pub(super) fn carry_values<'py>(
     let views: Vec<View> =
         match_map.orientations.iter().map(|o| o.view(exemplar.shape())).collect();
     let out = cancellable::run(py, threads, None, |monitor| {
-        let source = Source { field: &exemplar, laplacian: None, views: &views };
+        let source = Source { field: &exemplar, emphasis: None, laplacian: None, views: &views };
         carry::carry(&source, &field, &values, &match_map.map, Key::new(seed), monitor)
     })?;
     wrap(py, out)

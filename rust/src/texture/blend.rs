@@ -8,12 +8,14 @@ use super::match_map::{Match, MatchMap};
 use super::symmetry::View;
 use crate::error::Result;
 use crate::monitor::Monitor;
-use crate::volume::voxels;
+use crate::volume::{Shape, voxels};
 
 /// What the windows carry.
 pub struct Source<'a> {
     /// The exemplar.
     pub field: &'a Field,
+    /// Factor on the weight of each of its voxels, one channel.
+    pub emphasis: Option<&'a [f32]>,
     /// Its Laplacian, for the gradient term.
     pub laplacian: Option<&'a Field>,
     /// The exemplar under each orientation.
@@ -28,28 +30,55 @@ pub struct Gradients {
     pub laplacian: Field,
 }
 
-/// Sets `field` to the weighted means of the windows that cover each voxel (the E-step's least
-/// squares); voxels that no window covers keep what they have. Gradients are found if the source has a
-/// Laplacian.
+/// The windows of one exemplar, with the weight of each site.
+pub struct Part<'a> {
+    /// What the windows carry.
+    pub source: &'a Source<'a>,
+    /// Where they come from.
+    pub map: &'a MatchMap,
+    /// One weight a site.
+    pub weights: &'a [f32],
+}
+
+/// How the values of the windows become one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mixing {
+    /// Distance from a voxel's present value, in field units, at which a window weighs a quarter: only
+    /// the main mode of the values is averaged (Kopf et al. 2007; prieto_2011 §2.1.2). None: all of
+    /// them.
+    pub bandwidth: Option<f32>,
+    /// Share of the way to the mean that a voxel goes.
+    pub relaxation: f32,
+}
+
+impl Mixing {
+    /// The plain weighted mean.
+    pub const MEAN: Self = Self { bandwidth: None, relaxation: 1.0 };
+}
+
+/// Brings `field` to the weighted means of the windows that cover each voxel (the E-step's least
+/// squares); voxels that no window covers keep what they have. Gradients are found if the first part's
+/// source has a Laplacian.
 ///
-/// Each voxel receives its windows in the order of the sites, on any number of threads. Memory: what is
-/// returned, and two planes a thread.
+/// Each voxel receives its windows in the order of the parts and their sites, on any number of
+/// threads. Memory: what is returned, and two planes a thread.
 ///
 /// # Errors
 /// If the caller cancels.
 pub fn blend(
-    source: &Source<'_>,
-    map: &MatchMap,
-    weights: &[f32],
+    parts: &[Part<'_>],
+    mixing: Mixing,
     field: &mut Field,
     monitor: &Monitor<'_>,
 ) -> Result<Option<Gradients>> {
-    let [_, ny, nx] = map.lattice.shape;
-    let mut gradients = source.laplacian.map(|laplacian| Gradients {
-        weight: vec![0.0; voxels(map.lattice.shape)],
-        laplacian: Field::zeros(map.lattice.shape, laplacian.channels()),
-    });
-    let mut planes: Vec<Plane<'_>> = (0..map.lattice.shape[0])
+    let shape = field.shape();
+    let [_, ny, nx] = shape;
+    let mut gradients =
+        parts.first().and_then(|part| part.source.laplacian).map(|laplacian| Gradients {
+            weight: vec![0.0; voxels(shape)],
+            laplacian: Field::zeros(shape, laplacian.channels()),
+        });
+    let mut planes: Vec<Plane<'_>> = (0..shape[0])
         .map(|z| Plane { z, means: Vec::new(), weight: None, laplacians: Vec::new() })
         .collect();
     for (z, values) in channel_planes(field) {
@@ -63,10 +92,12 @@ pub fn blend(
             planes[z].laplacians.push(values);
         }
     }
-    let coverage: [Vec<u32>; 3] = std::array::from_fn(|a| map.lattice.coverage(a));
+    let coverage: Vec<[Vec<u32>; 3]> =
+        parts.iter().map(|part| std::array::from_fn(|a| part.map.lattice.coverage(a))).collect();
     planes.par_iter_mut().try_for_each_init(Vec::new, |sums, plane| {
         monitor.check()?;
-        plane.fill(source, map, weights, sums, &coverage);
+        plane.fill(parts, mixing, sums, shape);
+        plane.weigh(&coverage, nx);
         Ok(())
     })?;
     drop(planes);
@@ -88,38 +119,39 @@ struct Plane<'a> {
 }
 
 impl Plane<'_> {
-    fn fill(
-        &mut self,
-        source: &Source<'_>,
-        map: &MatchMap,
-        weights: &[f32],
-        sums: &mut Vec<f32>,
-        coverage: &[Vec<u32>; 3],
-    ) {
-        let Lattice { shape: [nz, ny, nx], window, origins, .. } = &map.lattice;
+    fn fill(&mut self, parts: &[Part<'_>], mixing: Mixing, sums: &mut Vec<f32>, shape: Shape) {
+        let [nz, ny, nx] = shape;
         let voxels = ny * nx;
         sums.clear();
         sums.resize((1 + self.means.len()) * voxels, 0.0);
         let (total, means) = sums.split_at_mut(voxels);
-        for (sz, &oz) in origins[0].iter().enumerate() {
-            let dz = (self.z + nz - oz) % nz;
-            if dz >= *window {
-                continue;
-            }
-            let layer = Layer { source, map, weights, sz, dz };
-            add_weights(&layer, total);
-            for (c, sums) in means.chunks_exact_mut(voxels).enumerate() {
-                add_layer(&layer, source.field.channel(c), sums);
-            }
-            for (c, sums) in self.laplacians.iter_mut().enumerate() {
-                if let Some(laplacian) = source.laplacian {
-                    add_layer(&layer, laplacian.channel(c), sums);
+        for &Part { source, map, weights } in parts {
+            for (sz, &oz) in map.lattice.origins[0].iter().enumerate() {
+                let dz = (self.z + nz - oz) % nz;
+                if dz >= map.lattice.window[0] {
+                    continue;
+                }
+                let layer = Layer { source, map, weights, sz, dz };
+                if source.emphasis.is_some() || mixing.bandwidth.is_some() {
+                    add_selected(&layer, mixing.bandwidth, &self.means, total, means);
+                } else {
+                    add_weights(&layer, total);
+                    for (c, sums) in means.chunks_exact_mut(voxels).enumerate() {
+                        add_layer(&layer, source.field.channel(c), sums);
+                    }
+                }
+                for (c, sums) in self.laplacians.iter_mut().enumerate() {
+                    if let Some(laplacian) = source.laplacian {
+                        add_layer(&layer, laplacian.channel(c), sums);
+                    }
                 }
             }
         }
-        for (mean, sums) in self.means.iter_mut().zip(means.chunks_exact(voxels)) {
-            for ((mean, sum), total) in mean.iter_mut().zip(sums).zip(&*total) {
-                *mean = if *total > 0.0 { sum / total } else { *mean };
+        let share = mixing.relaxation;
+        for (value, sums) in self.means.iter_mut().zip(means.chunks_exact(voxels)) {
+            for ((value, sum), total) in value.iter_mut().zip(sums).zip(&*total) {
+                let mean = if *total > 0.0 { sum / total } else { *value };
+                *value = if share < 1.0 { *value + share * (mean - *value) } else { mean };
             }
         }
         for sums in &mut self.laplacians {
@@ -128,12 +160,17 @@ impl Plane<'_> {
             }
         }
         if let Some(weight) = &mut self.weight {
-            let rows = weight.chunks_mut(*nx).zip(total.chunks(*nx));
-            for ((row, total), lines) in rows.zip(&coverage[1]) {
-                let lines = coverage[0][self.z] * lines;
-                for ((weight, total), count) in row.iter_mut().zip(total).zip(&coverage[2]) {
-                    *weight = total / (lines * count) as f32;
-                }
+            weight.copy_from_slice(total);
+        }
+    }
+
+    /// Turns summed weights into means over the windows that cover each voxel.
+    fn weigh(&mut self, coverage: &[[Vec<u32>; 3]], nx: usize) {
+        let Some(weight) = &mut self.weight else { return };
+        for (y, row) in weight.chunks_mut(nx).enumerate() {
+            for (x, weight) in row.iter_mut().enumerate() {
+                let windows: u32 = coverage.iter().map(|c| c[0][self.z] * c[1][y] * c[2][x]).sum();
+                *weight /= windows as f32;
             }
         }
     }
@@ -170,7 +207,8 @@ impl Layer<'_> {
 /// Adds the weight of each site to all voxels of its window in a plane.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 fn add_weights(layer: &Layer<'_>, plane: &mut [f32]) {
-    let Lattice { shape: [_, ny, nx], window, origins, .. } = &layer.map.lattice;
+    let Lattice { shape: [_, ny, nx], window: [_, height, window], origins, .. } =
+        &layer.map.lattice;
     let mut line = vec![0.0f32; *nx];
     for (sy, oy) in origins[1].iter().enumerate() {
         line.fill(0.0);
@@ -179,7 +217,7 @@ fn add_weights(layer: &Layer<'_>, plane: &mut [f32]) {
             line[ox..ox + head].iter_mut().for_each(|sum| *sum += weight);
             line[..window - head].iter_mut().for_each(|sum| *sum += weight);
         });
-        for dy in 0..*window {
+        for dy in 0..*height {
             let row = &mut plane[(oy + dy) % ny * nx..][..*nx];
             row.iter_mut().zip(&line).for_each(|(sum, weight)| *sum += weight);
         }
@@ -189,9 +227,10 @@ fn add_weights(layer: &Layer<'_>, plane: &mut [f32]) {
 /// Adds rows of values, each times its site's weight, to a plane.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 fn add_layer(layer: &Layer<'_>, values: &[f32], plane: &mut [f32]) {
-    let Lattice { shape: [_, ny, nx], window, origins, .. } = &layer.map.lattice;
+    let Lattice { shape: [_, ny, nx], window: [_, height, window], origins, .. } =
+        &layer.map.lattice;
     let (window, nx) = (*window, *nx);
-    let mut rows = vec![0; window];
+    let mut rows = vec![0; *height];
     for (sy, oy) in origins[1].iter().enumerate() {
         rows.iter_mut().enumerate().for_each(|(dy, row)| *row = (oy + dy) % ny * nx);
         layer.for_each_site(sy, |ox, m, weight| {
@@ -201,7 +240,7 @@ fn add_layer(layer: &Layer<'_>, values: &[f32], plane: &mut [f32]) {
             for (dy, &row) in rows.iter().enumerate() {
                 let start = view.index([mz + layer.dz, my + dy, mx]);
                 let row = &mut plane[row..row + nx];
-                if view.stride[2] == 1 {
+                if view.stride[2] == 1 || window == 1 {
                     let from = &values[start..start + window];
                     if head == window {
                         add_row(&mut row[ox..ox + window], from, weight);
@@ -222,6 +261,102 @@ fn add_layer(layer: &Layer<'_>, values: &[f32], plane: &mut [f32]) {
     }
 }
 
+/// Adds the values of all channels to their planes, and their weights to `total`: each times its
+/// site's weight, the emphasis of its voxel, and what its distance from the `present` value leaves.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
+fn add_selected(
+    layer: &Layer<'_>,
+    bandwidth: Option<f32>,
+    present: &[&mut [f32]],
+    total: &mut [f32],
+    planes: &mut [f32],
+) {
+    let Lattice { shape: [_, ny, nx], window: [_, height, window], origins, .. } =
+        &layer.map.lattice;
+    let (voxels, channels) = (ny * nx, present.len());
+    let sharpness = bandwidth.map(|b| b.powi(-2));
+    let mut values = vec![0.0f32; channels * window];
+    let mut factors = vec![0.0f32; *window];
+    for (sy, oy) in origins[1].iter().enumerate() {
+        layer.for_each_site(sy, |ox, m, weight| {
+            let view = &layer.source.views[usize::from(m.orientation)];
+            let [mz, my, mx] = m.origin.map(usize::from);
+            let head = *window.min(&(nx - ox));
+            for dy in 0..*height {
+                let start = view.index([mz + layer.dz, my + dy, mx]);
+                for (c, values) in values.chunks_exact_mut(*window).enumerate() {
+                    take(layer.source.field.channel(c), start, view.stride[2], values);
+                }
+                match layer.source.emphasis {
+                    Some(emphasis) => take(emphasis, start, view.stride[2], &mut factors),
+                    None => factors.fill(1.0),
+                }
+                let row = (oy + dy) % ny * nx;
+                for (at, part) in [(row + ox, 0..head), (row, head..*window)] {
+                    let here = at..at + part.len();
+                    let factors = &mut factors[part.clone()];
+                    if let Some(sharpness) = sharpness {
+                        weaken(
+                            factors,
+                            sharpness,
+                            present,
+                            here.clone(),
+                            &values,
+                            *window,
+                            part.start,
+                        );
+                    }
+                    for (sum, factor) in total[here.clone()].iter_mut().zip(factors.iter_mut()) {
+                        *factor *= weight;
+                        *sum += *factor;
+                    }
+                    for (plane, values) in
+                        planes.chunks_exact_mut(voxels).zip(values.chunks_exact(*window))
+                    {
+                        let values = values[part.clone()].iter().zip(&*factors);
+                        for (sum, (value, factor)) in plane[here.clone()].iter_mut().zip(values) {
+                            *sum += factor * value;
+                        }
+                    }
+                }
+            }
+        });
+    }
+}
+
+/// Copies values that lie `stride` apart.
+#[inline(always)]
+fn take(from: &[f32], start: usize, stride: isize, out: &mut [f32]) {
+    let mut at = start as isize;
+    for v in out {
+        *v = from[at as usize];
+        at += stride;
+    }
+}
+
+/// Divides the factor of each value by (1 + (distance from the present / bandwidth)²)²: a long tail,
+/// so that a voxel whose windows all disagree still follows them.
+#[inline(always)]
+fn weaken(
+    factors: &mut [f32],
+    sharpness: f32,
+    present: &[&mut [f32]],
+    here: std::ops::Range<usize>,
+    values: &[f32],
+    window: usize,
+    first: usize,
+) {
+    for (i, factor) in factors.iter_mut().enumerate() {
+        let mut square = 0.0;
+        for (c, plane) in present.iter().enumerate() {
+            let off = values[c * window + first + i] - plane[here.start + i];
+            square += off * off;
+        }
+        let far = 1.0 + sharpness * square;
+        *factor /= far * far;
+    }
+}
+
 /// `row += weight * from`; the usual lengths are unrolled.
 #[inline(always)]
 fn add_row(row: &mut [f32], from: &[f32], weight: f32) {
@@ -234,6 +369,7 @@ fn add_row(row: &mut [f32], from: &[f32], weight: f32) {
         }
     }
     match row.len() {
+        1 => fixed::<1>(row, from, weight),
         4 => fixed::<4>(row, from, weight),
         8 => fixed::<8>(row, from, weight),
         10 => fixed::<10>(row, from, weight),

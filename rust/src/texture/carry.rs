@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::blend::{Source, blend};
+use super::blend::{Mixing, Part, Source, blend};
 use super::field::Field;
 use super::lattice::Lattice;
 use super::match_map::MatchMap;
@@ -63,10 +63,11 @@ pub fn carry(
         let from = values.channel(c);
         out.channel_mut(c).par_iter_mut().zip(&places).for_each(|(v, &p)| *v = from[p as usize]);
     }
-    let carried = Source { field: values, laplacian: None, views: source.views };
+    let carried = Source { field: values, emphasis: None, laplacian: None, views: source.views };
     let weights = vec![1.0; map.matches.len()];
     let mut mean = out.clone();
-    blend(&carried, map, &weights, &mut mean, monitor)?;
+    let parts = [Part { source: &carried, map, weights: &weights }];
+    blend(&parts, Mixing::MEAN, &mut mean, monitor)?;
     for c in 0..values.channels() {
         let smooth = mean.channel(c);
         out.channel_mut(c).par_iter_mut().zip(smooth).for_each(|(v, m)| *v += SOFTNESS * (m - *v));
@@ -103,7 +104,7 @@ impl Cells<'_> {
     fn may_meet(&self, layer: usize, voxels: usize) -> bool {
         let Lattice { shape: [nz, ny, nx], window, origins, .. } = &self.map.lattice;
         let planes = self.first..self.first + voxels / (ny * nx);
-        let (first, count) = (origins[0][layer] + nz - REACH.min(*nz), window + 2 * REACH);
+        let (first, count) = (origins[0][layer] + nz - REACH.min(*nz), window[0] + 2 * REACH);
         (first..first + count).any(|z| planes.contains(&(z % nz)))
     }
 
@@ -117,21 +118,17 @@ impl Cells<'_> {
         places: &mut [u32],
     ) {
         let lattice = &self.map.lattice;
-        let window = lattice.window as i32;
         let [_, ny, nx] = lattice.shape;
         let planes = places.len() / (ny * nx);
         let m = self.map.matches[site];
         let view = &self.source.views[usize::from(m.orientation)];
-        let (low, high, price) = if leads {
-            let centre = window / 2;
-            (centre - REACH as i32, centre + REACH as i32, 0.0)
-        } else {
-            (0, window, FALLBACK)
-        };
+        let price = if leads { 0.0 } else { FALLBACK };
         // Along each axis: output coordinate, exemplar coordinate, squared distance from the centre.
         let axes: [Vec<(usize, usize, f32)>; 3] = std::array::from_fn(|a| {
-            let n = lattice.shape[a] as i32;
-            (low..high)
+            let (n, window) = (lattice.shape[a] as i32, lattice.window[a] as i32);
+            let (centre, reach) = (window / 2, REACH as i32);
+            let range = if leads { centre - reach..centre + reach } else { 0..window };
+            range
                 .filter_map(|d| {
                     let to = lattice.origins[a][at[a]] as i32 + d;
                     let from = i32::from(m.origin[a]) + d;

@@ -83,7 +83,7 @@ mod tests {
     use crate::texture::match_map::{Match, product};
 
     fn map_of(source: impl Fn([usize; 3]) -> [usize; 3], boundary: Boundary) -> MatchMap {
-        let lattice = Lattice::new([32; 3], 4, 2, [0; 3], boundary);
+        let lattice = Lattice::new([32; 3], [4; 3], [2; 3], [0; 3], boundary);
         let matches = product(&lattice.origins)
             .map(|o| Match { orientation: 0, origin: source(o).map(|v| v as u16) })
             .collect();

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::field::Field;
 use super::symmetry::View;
+use crate::volume::{Shape, position, voxels};
 
 /// Windows, of those sampled, that decide which cosines vary most.
 const CHOOSERS: usize = 1024;
@@ -20,9 +21,9 @@ const LANES: usize = 16;
 
 /// The products of cosines (DCT-II, orthonormal) that vary most among some windows.
 pub struct Cosines {
-    window: usize,
-    /// `table[k * window + i]`: the k-th cosine at i.
-    table: Vec<f32>,
+    window: Shape,
+    /// Along each axis `table[k * window + i]`, the k-th cosine at i.
+    tables: [Vec<f32>; 3],
     /// Channel and wave numbers along (z, y, x), ascending.
     chosen: Vec<(usize, [usize; 3])>,
     /// Share of the variance that the others hold.
@@ -30,14 +31,14 @@ pub struct Cosines {
 }
 
 impl Cosines {
-    /// Chooses among the cosines of windows, one a row, each channel × window³ values.
-    pub fn choose(windows: ArrayView2<'_, f32>, window: usize, count: usize) -> Self {
-        let table = table(window);
+    /// Chooses among the cosines of windows, one a row, each channel × window values.
+    pub fn choose(windows: ArrayView2<'_, f32>, window: Shape, count: usize) -> Self {
+        let tables = window.map(table);
         let step = windows.nrows().div_ceil(CHOOSERS).max(1);
         let few = windows.slice(s![..;step, ..]);
         let rows: Vec<_> = few.axis_iter(Axis(0)).collect();
         let coefficients: Vec<Vec<f32>> =
-            rows.into_par_iter().map(|row| transform(row.to_vec(), &table)).collect();
+            rows.into_par_iter().map(|row| transform(row.to_vec(), window, &tables)).collect();
         let n = coefficients.len() as f64;
         let variance: Vec<f64> = (0..windows.ncols())
             .map(|i| {
@@ -56,13 +57,10 @@ impl Cosines {
         let kept: f64 = order.iter().map(|&i| variance[i]).sum();
         let chosen = order
             .iter()
-            .map(|&i| {
-                let wave = [window * window, window, 1].map(|stride| i / stride % window);
-                (i / window.pow(3), wave)
-            })
+            .map(|&i| (i / voxels(window), position(window, i % voxels(window))))
             .collect();
         let lost = if total > 0.0 { 1.0 - kept / total } else { 0.0 };
-        Self { window, table, chosen, lost }
+        Self { window, tables, chosen, lost }
     }
 
     /// Number of cosines.
@@ -70,18 +68,19 @@ impl Cosines {
         self.chosen.len()
     }
 
-    fn cosine(&self, k: usize) -> &[f32] {
-        &self.table[k * self.window..][..self.window]
+    fn cosine(&self, axis: usize, k: usize) -> &[f32] {
+        &self.tables[axis][k * self.window[axis]..][..self.window[axis]]
     }
 
-    /// The cosines as columns, of shape (channels · window³, cosines).
+    /// The cosines as columns, of shape (channels · window, cosines).
     pub fn matrix(&self, channels: usize) -> Array2<f32> {
-        let w = self.window;
-        let mut out = Array2::zeros((channels * w.pow(3), self.len()));
+        let length = voxels(self.window);
+        let mut out = Array2::zeros((channels * length, self.len()));
         for (&(c, wave), mut column) in self.chosen.iter().zip(out.columns_mut()) {
-            let [k, j, i] = wave.map(|n| self.cosine(n));
-            for (v, at) in column.iter_mut().skip(c * w.pow(3)).zip(0..w.pow(3)) {
-                *v = k[at / (w * w)] * j[at / w % w] * i[at % w];
+            let [k, j, i] = std::array::from_fn(|a| self.cosine(a, wave[a]));
+            for (v, at) in column.iter_mut().skip(c * length).zip(0..length) {
+                let [z, y, x] = position(self.window, at);
+                *v = k[z] * j[y] * i[x];
             }
         }
         out
@@ -108,12 +107,12 @@ fn visit_rows(
     planes: Range<usize>,
     mut visit: impl FnMut(usize, usize, ArrayView2<'_, f32>),
 ) {
-    let w = cosines.window;
+    let [wz, wy, wx] = cosines.window;
     let [_, ny, nx] = view.shape;
-    let windows = nx + 1 - w;
+    let windows = nx + 1 - wx;
     let width = windows.next_multiple_of(LANES);
-    let pitch = width + w;
-    let depth = planes.len() + w - 1;
+    let pitch = width + wx;
+    let depth = planes.len() + wz - 1;
     // The planes as they lie in the view, one padded row after the other.
     let slabs: Vec<Vec<f32>> = (0..field.channels())
         .map(|c| {
@@ -130,28 +129,28 @@ fn visit_rows(
         })
         .collect();
     // Sums along y, for each wave number and plane, and of these along z.
-    let mut along_y = vec![0.0; w * depth * pitch];
+    let mut along_y = vec![0.0; wy * depth * pitch];
     let mut line = vec![0.0; pitch];
     let mut out = vec![Array2::zeros((cosines.len(), width)); planes.len()];
-    for y in 0..=ny - w {
+    for y in 0..=ny - wy {
         let mut first = 0;
         for group in cosines.chosen.chunk_by(|a, b| a.0 == b.0) {
             let slab = &slabs[group[0].0];
-            for j in (0..w).filter(|&j| group.iter().any(|(_, wave)| wave[1] == j)) {
+            for j in (0..wy).filter(|&j| group.iter().any(|(_, wave)| wave[1] == j)) {
                 for z in 0..depth {
                     let sums = &mut along_y[(j * depth + z) * pitch..][..pitch];
-                    combine(sums, cosines.cosine(j), |dy| &slab[(z * ny + y + dy) * pitch..]);
+                    combine(sums, cosines.cosine(1, j), |dy| &slab[(z * ny + y + dy) * pitch..]);
                 }
             }
             for lines in group.chunk_by(|a, b| a.1[..2] == b.1[..2]) {
                 let [k, j, _] = lines[0].1;
                 for (z, out) in out.iter_mut().enumerate() {
                     let rows = &along_y[(j * depth + z) * pitch..];
-                    combine(&mut line, cosines.cosine(k), |dz| &rows[dz * pitch..]);
+                    combine(&mut line, cosines.cosine(0, k), |dz| &rows[dz * pitch..]);
                     for (n, (_, wave)) in lines.iter().enumerate() {
                         let mut row = out.row_mut(first + n);
                         let Some(row) = row.as_slice_mut() else { continue };
-                        combine(row, cosines.cosine(wave[2]), |dx| &line[dx..]);
+                        combine(row, cosines.cosine(2, wave[2]), |dx| &line[dx..]);
                     }
                 }
                 first += lines.len();
@@ -194,10 +193,10 @@ fn table(window: usize) -> Vec<f32> {
         .collect()
 }
 
-/// All cosine coefficients of cubes that lie one after the other.
-fn transform(mut values: Vec<f32>, table: &[f32]) -> Vec<f32> {
-    let w = table.len().isqrt();
-    for stride in [w * w, w, 1] {
+/// All cosine coefficients of windows that lie one after the other.
+fn transform(mut values: Vec<f32>, window: Shape, tables: &[Vec<f32>; 3]) -> Vec<f32> {
+    let [_, wy, wx] = window;
+    for ((w, table), stride) in window.into_iter().zip(tables).zip([wy * wx, wx, 1]) {
         let mut out = vec![0.0; values.len()];
         for (at, v) in out.iter_mut().enumerate() {
             let k = at / stride % w;
@@ -221,7 +220,7 @@ mod tests {
 
     #[test]
     fn all_cosines_are_an_orthonormal_basis_that_loses_nothing() {
-        let cosines = Cosines::choose(noise(300, 54).view(), 3, 54);
+        let cosines = Cosines::choose(noise(300, 54).view(), [3; 3], 54);
         let matrix = cosines.matrix(2);
         for ((i, j), v) in matrix.t().dot(&matrix).indexed_iter() {
             assert!((v - f32::from(u8::from(i == j))).abs() < 1e-5);
@@ -239,7 +238,7 @@ mod tests {
                 *v += (i % 5) as f32 * table[2 * w + at / 16] * table[w + at % 4];
             }
         }
-        let cosines = Cosines::choose(windows.view(), w, 1);
+        let cosines = Cosines::choose(windows.view(), [w; 3], 1);
         assert_eq!(cosines.chosen, [(0, [2, 0, 1])]);
         assert!(cosines.lost < 1e-9);
     }
@@ -248,7 +247,7 @@ mod tests {
     fn rows_of_windows_have_the_coefficients_of_each_window() {
         let (w, shape) = (4, [9, 7, 8]);
         let field = Field::new(shape, 2, noise(1, 1008).into_raw_vec_and_offset().0).unwrap();
-        let cosines = Cosines::choose(noise(200, 128).view(), w, 40);
+        let cosines = Cosines::choose(noise(200, 128).view(), [w; 3], 40);
         let matrix = cosines.matrix(2);
         for orientation in Symmetry::Full.orientations(None) {
             let view = orientation.view(shape);

@@ -1,21 +1,25 @@
 //! The coarse-to-fine schedule and the expectation-maximisation passes.
 
-use super::blend::{Gradients, Source, blend};
+use super::blend::{Gradients, Mixing, Part, Source, blend};
+use super::emphasis::emphasis;
 use super::field::Field;
 use super::lattice::Lattice;
 use super::levels::Levels;
-use super::match_map::{MatchMap, random_blocks};
-use super::matching::{Matched, active_sites, match_sites};
+use super::match_map::{MatchMap, random_blocks, random_matches};
+use super::matching::{Matched, active_sites, energy, match_sites, weights};
 use super::neighbourhoods::Neighbourhoods;
-use super::parameters::{Constraints, EnergyRecord, IndexWeight, Parameters, Stage, Synthesis};
+use super::parameters::{
+    Constraints, EnergyRecord, Example, IndexWeight, LevelPlan, Parameters, Stage, Start, Synthesis,
+};
 use super::search::penalty::{IndexHistogram, RunPenalty};
 use super::search::{Scene, Search, prepare};
+use super::symmetry::View;
 use super::{poisson, pyramid};
 use crate::error::Result;
 use crate::intensity::Quantiles;
 use crate::monitor::Monitor;
 use crate::rng::Key;
-use crate::volume::Shape;
+use crate::volume::{Shape, voxels};
 
 /// Search passes of the very first iteration, when the map knows nothing: after ten the energy no
 /// longer falls.
@@ -23,10 +27,6 @@ const COLD_PASSES: usize = 10;
 
 /// Search passes of the first iteration of every further stage.
 const WARM_PASSES: usize = 2;
-
-/// A stage ends after this many iterations in a row without a new lowest energy. The lattice moves at
-/// random, and the energy with it by some percent, so that the change of one iteration says little.
-const PATIENCE: usize = 3;
 
 /// Eq. 2: the weight factor grows by this share when the energy falls …
 const GROWTH: f32 = 0.05;
@@ -38,62 +38,107 @@ const DECAY: f32 = 0.3;
 /// energy by up to a tenth; were that a rise, λ would shrink until only the gradient term is left.
 const SAME: f64 = 0.1;
 
-/// Makes a field of this shape whose windows all look like windows of the exemplar.
+/// Makes a field of this shape whose windows all look like windows of the exemplars.
 ///
 /// Memory: about 24 bytes a voxel of the output and channel with the gradient term, 8 without, and
-/// `2·dims` bytes a voxel of the exemplar and orientation.
+/// `2·dims` bytes a voxel of the exemplars and orientation.
 ///
 /// # Errors
-/// If a parameter does not fit the exemplar or the shape, or the caller cancels.
+/// If a parameter does not fit the exemplars or the shape, or the caller cancels.
 pub fn synthesize(
-    exemplar: &Field,
+    examples: &[Example],
     shape: Shape,
     parameters: &Parameters,
     constraints: Constraints,
     key: Key,
     monitor: &Monitor<'_>,
 ) -> Result<Synthesis> {
-    parameters.check(exemplar, shape, &constraints)?;
-    let levels = Levels::new(exemplar, shape, constraints, parameters.levels);
-    let coarsest = parameters.levels - 1;
-    let start = &levels.exemplars[coarsest];
-    let shortest = start.shape().into_iter().chain(levels.shapes[coarsest]).min().unwrap_or(1);
-    let block = parameters.block.min(shortest);
-    let (field, map) =
-        random_blocks(start, levels.shapes[coarsest], block, parameters.boundary, key.with(0));
+    parameters.check(examples, shape, &constraints)?;
+    let count = parameters.levels.len();
+    let levels = Levels::new(examples, shape, constraints, count);
+    let (field, maps) = start(examples, &levels, parameters, key.with(0));
     let mut run = Run {
+        examples,
         levels: &levels,
         parameters,
         monitor,
-        made: Synthesis { field, map, energy: Vec::new() },
+        made: Synthesis { field, maps, energy: Vec::new() },
     };
     let stages = parameters.stages.len();
-    let total = (parameters.levels * stages) as f64;
-    for level in (0..parameters.levels).rev() {
+    let total = (count * stages) as f64;
+    for level in (0..count).rev() {
         run.enter(level);
         for (s, &stage) in parameters.stages.iter().enumerate() {
-            let done = ((coarsest - level) * stages + s) as f64;
+            let done = ((count - 1 - level) * stages + s) as f64;
             run.stage(level, stage, key.with((1 + level * stages + s) as u64), done, total)?;
         }
     }
     Ok(run.made)
 }
 
+/// The output at the coarsest level, before the first pass.
+fn start(
+    examples: &[Example],
+    levels: &Levels,
+    parameters: &Parameters,
+    key: Key,
+) -> (Field, Vec<MatchMap>) {
+    let coarsest = levels.shapes.len() - 1;
+    let shape = levels.shapes[coarsest];
+    let sources = &levels.exemplars[coarsest];
+    let boundary = parameters.boundary;
+    if let (Start::Blocks(block), [source]) = (parameters.start, &sources[..]) {
+        let shortest = source.shape().into_iter().chain(shape).min().unwrap_or(1);
+        let (field, map) = random_blocks(source, shape, block.min(shortest), boundary, key);
+        return (field, vec![map]);
+    }
+    let mut field = Field::zeros(shape, sources[0].channels());
+    for voxel in 0..voxels(shape) {
+        let key = key.with(voxel as u64);
+        let source = &sources[key.below(0, sources.len())];
+        let from = key.below(1, voxels(source.shape()));
+        for c in 0..field.channels() {
+            field.channel_mut(c)[voxel] = source.channel(c)[from];
+        }
+    }
+    let stage = parameters.stages[0];
+    let maps = examples.iter().zip(sources).enumerate().map(|(i, (example, source))| {
+        let window = example.extent(stage.window);
+        let lattice = Lattice::new(shape, window, example.extent(stage.step), [0; 3], boundary);
+        let limit = |view: View| std::array::from_fn(|a| view.shape[a] - window[a]);
+        let limits: Vec<Shape> =
+            example.orientations.iter().map(|o| limit(o.view(source.shape()))).collect();
+        random_matches(lattice, &limits, key.with(1 + i as u64))
+    });
+    (field, maps.collect())
+}
+
 /// A synthesis under way.
 struct Run<'a> {
+    examples: &'a [Example],
     levels: &'a Levels,
     parameters: &'a Parameters,
     monitor: &'a Monitor<'a>,
     made: Synthesis,
 }
 
-impl Run<'_> {
-    /// Brings field and map to the resolution of a level.
+/// One exemplar at one level, ready for one neighbourhood size.
+struct Side<'a> {
+    example: &'a Example,
+    set: Neighbourhoods<'a>,
+    backend: Box<dyn Search>,
+    laplacian: Option<Field>,
+}
+
+impl<'a> Run<'a> {
+    /// Brings field and maps to the resolution of a level.
     fn enter(&mut self, level: usize) {
         let shape = self.levels.shapes[level];
         if shape != self.made.field.shape() {
             self.made.field = pyramid::enlarge(&self.made.field, shape, self.parameters.boundary);
-            self.made.map = self.made.map.doubled(shape);
+            for map in &mut self.made.maps {
+                *map = map.doubled(shape);
+            }
         }
         self.levels.keep_known(level, &mut self.made.field);
     }
@@ -101,34 +146,34 @@ impl Run<'_> {
     /// Iterates with one neighbourhood size until the energy settles.
     fn stage(&mut self, level: usize, stage: Stage, key: Key, done: f64, total: f64) -> Result<()> {
         let p = self.parameters;
-        let exemplar = &self.levels.exemplars[level];
+        let plan = p.levels[level];
+        let sources = &self.levels.exemplars[level];
         let name = format!("level {level}, window {}", stage.window);
         self.monitor.report(&*name, done / total);
-        let components = (p.components, p.variance);
-        let set = Neighbourhoods::new(
-            exemplar,
-            stage.window,
-            &p.orientations,
-            components,
-            key,
-            self.monitor,
-        )?;
-        let backend = prepare(p.backend, &set)?;
-        let laplacian = (p.gradient > 0.0).then(|| laplacian_of(exemplar));
-        let source = Source { field: exemplar, laplacian: laplacian.as_ref(), views: set.views() };
-        let quantiles: Vec<Quantiles> =
-            (0..exemplar.channels()).map(|c| Quantiles::new(exemplar.channel(c))).collect();
+        let sides = self.sides(level, stage, key)?;
+        let quantiles: Vec<Quantiles> = (0..sources[0].channels())
+            .map(|c| {
+                let all: Vec<f32> = sources.iter().flat_map(|f| f.channel(c)).copied().collect();
+                Quantiles::new(&all)
+            })
+            .collect();
         let mut factor = 1.0f32;
         let (mut before, mut lowest, mut stale) = (f64::INFINITY, f64::INFINITY, 0);
-        for iteration in 0..p.iterations {
+        for iteration in 0..plan.iterations {
             let key = key.with(2 + iteration as u64);
-            let passes = match (iteration, backend.improves()) {
-                (0, true) if done == 0.0 => COLD_PASSES,
-                (0, true) => WARM_PASSES,
-                _ => 1,
-            };
-            let found = self.search(level, stage, &set, &*backend, passes, key)?;
-            let (data, gradient) = found.energy(p.gradient);
+            let cold = done == 0.0;
+            let mut found = Vec::with_capacity(sides.len());
+            for (i, side) in sides.iter().enumerate() {
+                let passes = match (iteration, side.backend.improves()) {
+                    (0, true) if cold => COLD_PASSES,
+                    (0, true) => WARM_PASSES,
+                    _ => 1,
+                };
+                // The first exemplar's key is the iteration's own.
+                let key = if i == 0 { key } else { key.with(i as u64) };
+                found.push(self.search(level, stage, (i, side), passes, key)?);
+            }
+            let (data, gradient) = energy(&found, p.gradient);
             let energy = data + gradient;
             // Fed with the energy at λ = 1: with λ inside, its own growth would read as a rise.
             if p.adaptive && before.is_finite() && energy < (1.0 - SAME) * before {
@@ -136,7 +181,7 @@ impl Run<'_> {
             } else if p.adaptive && energy > (1.0 + SAME) * before {
                 factor *= 1.0 - DECAY;
             }
-            self.optimise(level, &source, &found.weights(factor), &quantiles)?;
+            self.optimise(level, &sides, &weights(&found, factor), &quantiles)?;
             self.made.energy.push(EnergyRecord {
                 level,
                 window: stage.window,
@@ -146,10 +191,10 @@ impl Run<'_> {
                 gradient,
                 factor,
             });
-            let share = (iteration + 1) as f64 / p.iterations as f64;
+            let share = (iteration + 1) as f64 / plan.iterations as f64;
             self.monitor.report(&*name, (done + share) / total);
             stale = if energy < (1.0 - f64::from(p.tolerance)) * lowest { 0 } else { stale + 1 };
-            if stale == PATIENCE {
+            if stale == p.patience {
                 break;
             }
             (before, lowest) = (energy, lowest.min(energy));
@@ -157,36 +202,60 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// The search phase, on a lattice shifted at random: without the shift the windows' borders would
-    /// always fall on the same planes and show.
+    /// The exemplars of a level, ready to be searched.
+    fn sides(&self, level: usize, stage: Stage, key: Key) -> Result<Vec<Side<'a>>> {
+        let p = self.parameters;
+        let sources = &self.levels.exemplars[level];
+        let mut sides = Vec::with_capacity(sources.len());
+        for (example, source) in self.examples.iter().zip(sources) {
+            let set = Neighbourhoods::new(
+                source,
+                example.extent(stage.window),
+                &example.orientations,
+                (p.components, p.variance),
+                key,
+                self.monitor,
+            )?;
+            let backend = prepare(p.levels[level].backend, &set)?;
+            let laplacian = (p.gradient > 0.0).then(|| laplacian_of(source));
+            sides.push(Side { example, set, backend, laplacian });
+        }
+        Ok(sides)
+    }
+
+    /// The search phase of one exemplar, on a lattice shifted at random: without the shift the windows'
+    /// borders would always fall on the same planes and show.
     fn search(
         &mut self,
         level: usize,
         stage: Stage,
-        set: &Neighbourhoods<'_>,
-        backend: &dyn Search,
+        (i, side): (usize, &Side<'_>),
         passes: usize,
         key: Key,
     ) -> Result<Matched> {
         let p = self.parameters;
+        let set = &side.set;
         let shift = std::array::from_fn(|a| key.below(a as u64, stage.step));
         let shape = self.made.field.shape();
-        let lattice = Lattice::new(shape, stage.window, stage.step, shift, p.boundary);
+        let (window, step) = (set.window(), side.example.extent(stage.step));
+        let lattice = Lattice::new(shape, window, step, shift, p.boundary);
         let active = active_sites(&lattice, self.levels.domains[level].as_deref());
         let run = (p.run_penalty > 0.0)
             .then(|| RunPenalty { reach: p.run_reach, cost: p.run_penalty * set.spread() });
         let mut found = Matched::default();
         for pass in 0..passes {
+            let map = &mut self.made.maps[i];
             let histogram = match p.index_weight {
                 IndexWeight::Off => None,
-                IndexWeight::Literal => Some(IndexHistogram::new(&self.made.map, set, false)),
-                IndexWeight::Normalised => Some(IndexHistogram::new(&self.made.map, set, true)),
+                IndexWeight::Literal => Some(IndexHistogram::new(map, set, false)),
+                IndexWeight::Normalised => Some(IndexHistogram::new(map, set, true)),
             };
             let key = key.with(pass as u64);
-            let scene = Scene::new(set, &self.made.map, &lattice, histogram, run, key);
+            let scene = Scene::new(set, map, &lattice, histogram, run, key);
             let (field, fit) = (&self.made.field, (p.exponent, p.gradient > 0.0));
+            let backend = &*side.backend;
             let (matches, fits) = match_sites(&scene, backend, field, &active, fit, self.monitor)?;
-            self.made.map = MatchMap { lattice: lattice.clone(), matches };
+            *map = MatchMap { lattice: lattice.clone(), matches };
             found = fits;
         }
         Ok(found)
@@ -196,13 +265,39 @@ impl Run<'_> {
     fn optimise(
         &mut self,
         level: usize,
-        source: &Source<'_>,
-        weights: &[f32],
+        sides: &[Side<'_>],
+        weights: &[Vec<f32>],
         quantiles: &[Quantiles],
     ) -> Result<()> {
         let p = self.parameters;
-        let Synthesis { field, map, .. } = &mut self.made;
-        let gradients = blend(source, map, weights, field, self.monitor)?;
+        let Synthesis { field, maps, .. } = &mut self.made;
+        let emphases: Vec<Option<Vec<f32>>> = sides
+            .iter()
+            .zip(&*maps)
+            .map(|(side, map)| emphasis(p.emphasis, &side.set, map, field))
+            .collect();
+        let sources: Vec<Source<'_>> = sides
+            .iter()
+            .zip(&emphases)
+            .map(|(side, emphasis)| Source {
+                field: side.set.field(),
+                emphasis: emphasis.as_deref(),
+                laplacian: side.laplacian.as_ref(),
+                views: side.set.views(),
+            })
+            .collect();
+        let parts: Vec<Part<'_>> = sources
+            .iter()
+            .zip(&*maps)
+            .zip(weights)
+            .map(|((source, map), weights)| Part { source, map, weights })
+            .collect();
+        let LevelPlan { mixing, mode_steps, .. } = p.levels[level];
+        let first = if mode_steps > 0 { Mixing::MEAN } else { mixing };
+        let gradients = blend(&parts, first, field, self.monitor)?;
+        for _ in 0..mode_steps {
+            blend(&parts, mixing, field, self.monitor)?;
+        }
         let shape = field.shape();
         for (c, quantiles) in quantiles.iter().enumerate() {
             self.monitor.check()?;
@@ -211,7 +306,9 @@ impl Run<'_> {
                 let values = field.channel_mut(c);
                 poisson::solve(values, weight, wanted, p.gradient, shape, p.boundary);
             }
-            quantiles.match_values(field.channel_mut(c), self.levels.domains[level].as_deref());
+            if p.match_histogram {
+                quantiles.match_values(field.channel_mut(c), self.levels.domains[level].as_deref());
+            }
         }
         self.levels.keep_known(level, field);
         Ok(())

@@ -7,8 +7,8 @@ use crate::volume::{Boundary, Shape};
 pub struct Lattice {
     /// Shape of the volume that is covered.
     pub shape: Shape,
-    /// Edge of the cubic window.
-    pub window: usize,
+    /// Edges of the window.
+    pub window: Shape,
     /// What lies beyond the border.
     pub boundary: Boundary,
     /// Window origins along (z, y, x), ascending.
@@ -21,13 +21,14 @@ impl Lattice {
     /// With an open boundary the outermost windows are pushed inside.
     pub fn new(
         shape: Shape,
-        window: usize,
-        step: usize,
+        window: Shape,
+        step: Shape,
         shift: [usize; 3],
         boundary: Boundary,
     ) -> Self {
         let origins = std::array::from_fn(|axis| {
-            let (n, shift) = (shape[axis], shift[axis] % step);
+            let (n, window, step) = (shape[axis], window[axis], step[axis]);
+            let shift = shift[axis] % step;
             let mut list: Vec<usize> = match boundary {
                 Boundary::Open => (0..=n.div_ceil(step))
                     .map(|k| (k * step).saturating_sub(shift))
@@ -56,7 +57,7 @@ impl Lattice {
         let n = self.shape[axis];
         let mut counts = vec![0; n];
         for &origin in &self.origins[axis] {
-            for i in 0..self.window {
+            for i in 0..self.window[axis] {
                 counts[(origin + i) % n] += 1;
             }
         }
@@ -68,7 +69,7 @@ impl Lattice {
     pub fn doubled(&self, shape: Shape) -> Self {
         Self {
             shape,
-            window: 2 * self.window,
+            window: self.window.map(|w| 2 * w),
             boundary: self.boundary,
             origins: std::array::from_fn(|a| self.origins[a].iter().map(|o| 2 * o).collect()),
         }
@@ -103,7 +104,8 @@ pub fn links(to: &Lattice, from: &Lattice, axis: usize, reach: usize) -> Vec<Lin
     let periodic = to.boundary == Boundary::Periodic;
     let short = |d: i32| if periodic { (d + n / 2).rem_euclid(n) - n / 2 } else { d };
     // Twice the distance of window centres, so that odd windows stay integer.
-    let shift = from.window as i32 - to.window as i32;
+    let (window, before) = (to.window[axis] as i32, from.window[axis] as i32);
+    let shift = before - window;
     let nearest = |origin: i32| {
         (0..count)
             .min_by_key(|&i| {
@@ -126,7 +128,7 @@ pub fn links(to: &Lattice, from: &Lattice, axis: usize, reach: usize) -> Vec<Lin
             };
             let far = [-(reach as i32), reach as i32].map(|r| {
                 let place = origin + r;
-                let inside = place >= 0 && place + to.window as i32 <= n;
+                let inside = place >= 0 && place + window <= n;
                 (periodic || inside)
                     .then(|| at(nearest(if periodic { place.rem_euclid(n) } else { place })))
             });
@@ -145,7 +147,7 @@ mod tests {
             for n in [5, 8, 13, 20] {
                 for (window, step) in [(4, 2), (5, 3), (5, 5), (4, 1)] {
                     for shift in 0..step {
-                        let l = Lattice::new([n; 3], window, step, [shift; 3], boundary);
+                        let l = Lattice::new([n; 3], [window; 3], [step; 3], [shift; 3], boundary);
                         assert!(
                             l.coverage(0).iter().all(|&c| c > 0),
                             "{boundary:?} {n} {window} {step} {shift} {l:?}"
@@ -162,7 +164,7 @@ mod tests {
     #[test]
     fn links_of_a_lattice_to_itself_are_the_sites_themselves() {
         for boundary in [Boundary::Open, Boundary::Periodic] {
-            let l = Lattice::new([20; 3], 4, 2, [1, 0, 1], boundary);
+            let l = Lattice::new([20; 3], [4; 3], [2; 3], [1, 0, 1], boundary);
             for (i, link) in links(&l, &l, 0, 6).iter().enumerate() {
                 assert_eq!(link.own, Neighbour { index: i, step: 0 });
             }
@@ -171,11 +173,11 @@ mod tests {
 
     #[test]
     fn far_links_lie_at_the_reach_and_wrap_only_when_periodic() {
-        let open = Lattice::new([20; 3], 4, 2, [0; 3], Boundary::Open);
+        let open = Lattice::new([20; 3], [4; 3], [2; 3], [0; 3], Boundary::Open);
         let found = links(&open, &open, 0, 6);
         assert_eq!(found[0].far[0], None);
         assert_eq!(found[0].far[1], Some(Neighbour { index: 3, step: -6 }));
-        let periodic = Lattice::new([20; 3], 4, 2, [0; 3], Boundary::Periodic);
+        let periodic = Lattice::new([20; 3], [4; 3], [2; 3], [0; 3], Boundary::Periodic);
         let found = links(&periodic, &periodic, 0, 6);
         assert_eq!(found[0].far[0], Some(Neighbour { index: 7, step: 6 }));
         assert_eq!(found[0].beside[0], Neighbour { index: 9, step: 2 });

@@ -1,13 +1,14 @@
-//! Exemplar and constraints at every resolution.
+//! Exemplars and constraints at every resolution.
 
 use super::field::Field;
-use super::parameters::Constraints;
+use super::parameters::{Constraints, Example};
 use super::pyramid;
 use crate::volume::Shape;
 
-/// Exemplar and constraints at every level, 0 the finest.
+/// Exemplars and constraints at every level, 0 the finest.
 pub(super) struct Levels {
-    pub(super) exemplars: Vec<Field>,
+    /// The exemplars of each level.
+    pub(super) exemplars: Vec<Vec<Field>>,
     pub(super) shapes: Vec<Shape>,
     known: Vec<Option<(Field, Vec<bool>)>>,
     pub(super) domains: Vec<Option<Vec<bool>>>,
@@ -15,13 +16,13 @@ pub(super) struct Levels {
 
 impl Levels {
     pub(super) fn new(
-        exemplar: &Field,
+        examples: &[Example],
         shape: Shape,
         constraints: Constraints,
         levels: usize,
     ) -> Self {
         let mut this = Self {
-            exemplars: vec![exemplar.clone()],
+            exemplars: vec![examples.iter().map(|example| example.field.clone()).collect()],
             shapes: vec![shape],
             known: vec![constraints.known],
             domains: vec![constraints.domain],
@@ -29,7 +30,8 @@ impl Levels {
         for level in 1..levels {
             let from = this.shapes[level - 1];
             let to = from.map(|n| n.div_ceil(2));
-            this.exemplars.push(pyramid::reduce(&this.exemplars[level - 1]));
+            let finer = &this.exemplars[level - 1];
+            this.exemplars.push(finer.iter().map(pyramid::reduce).collect());
             // Half of the voxels below must be known for their mean to say something.
             let known = this.known[level - 1].as_ref().map(|(values, known)| {
                 (pyramid::reduce_known(values, known, to), pyramid::reduce_mask(known, from, to, 4))

@@ -79,7 +79,7 @@ pub fn random_blocks(
     boundary: Boundary,
     key: Key,
 ) -> (Field, MatchMap) {
-    let lattice = Lattice::new(shape, block, block, [0; 3], boundary);
+    let lattice = Lattice::new(shape, [block; 3], [block; 3], [0; 3], boundary);
     let [sz, sy, sx] = lattice.sites();
     let mut field = Field::zeros(shape, exemplar.channels());
     let mut matches = Vec::with_capacity(sz * sy * sx);
@@ -105,6 +105,21 @@ pub fn random_blocks(
     }
     debug_assert_eq!(matches.len(), voxels(lattice.sites()));
     (field, MatchMap { lattice, matches })
+}
+
+/// Random matches, for a volume that was not made of blocks of the exemplar; `limits` holds the largest
+/// window origin under each orientation.
+pub fn random_matches(lattice: Lattice, limits: &[Shape], key: Key) -> MatchMap {
+    let matches = (0..voxels(lattice.sites()))
+        .map(|site| {
+            let key = key.with(site as u64);
+            let orientation = key.below(3, limits.len());
+            let limit = limits[orientation];
+            let origin = std::array::from_fn(|a| key.below(a as u64, limit[a] + 1) as u16);
+            Match { orientation: orientation as u16, origin }
+        })
+        .collect();
+    MatchMap { lattice, matches }
 }
 
 /// All combinations of the origins, in C order.

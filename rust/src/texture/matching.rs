@@ -9,7 +9,7 @@ use super::neighbourhoods::{BLOCK, Neighbourhoods, Projection, copy_rows};
 use super::search::{Scene, Search};
 use crate::error::Result;
 use crate::monitor::Monitor;
-use crate::volume::{position, voxels};
+use crate::volume::{Shape, position, voxels};
 
 /// Added to a root mean square difference, in field units, before it is raised to r − 2: a window
 /// that matches exactly must not take over.
@@ -26,17 +26,17 @@ pub(super) fn active_sites(lattice: &Lattice, domain: Option<&[bool]>) -> Vec<bo
             let at = position(sites, site);
             let o: [usize; 3] = std::array::from_fn(|a| lattice.origins[a][at[a]]);
             let w = lattice.window;
-            (0..w).any(|z| {
-                (0..w).any(|y| {
+            (0..w[0]).any(|z| {
+                (0..w[1]).any(|y| {
                     let row = ((o[0] + z) % shape[0] * shape[1] + (o[1] + y) % shape[1]) * shape[2];
-                    (0..w).any(|x| domain[row + (o[2] + x) % shape[2]])
+                    (0..w[2]).any(|x| domain[row + (o[2] + x) % shape[2]])
                 })
             })
         })
         .collect()
 }
 
-/// How well the matches of all sites fit.
+/// How well the matches of all sites of an exemplar fit.
 #[derive(Default)]
 pub(super) struct Matched {
     /// Unscaled weight ‖s − e‖^(r − 2) of each site; 0 outside the domain.
@@ -46,21 +46,29 @@ pub(super) struct Matched {
     gradient: Vec<f32>,
 }
 
-impl Matched {
-    /// Data and gradient terms of Eq. 1 at λ = 1, means over the windows' voxels.
-    pub(super) fn energy(&self, mu: f32) -> (f64, f64) {
-        let sites = self.weights.iter().filter(|w| **w > 0.0).count().max(1) as f64;
-        let data: f64 = self.weights.iter().zip(&self.data).map(|(w, d)| f64::from(w * d)).sum();
-        let gradient: f64 = self.gradient.iter().map(|g| f64::from(*g)).sum();
-        (data / sites, f64::from(mu) * gradient / sites)
+/// Data and gradient terms of Eq. 1 at λ = 1, means over the windows' voxels.
+pub(super) fn energy(matched: &[Matched], mu: f32) -> (f64, f64) {
+    let (mut data, mut gradient, mut sites) = (0.0f64, 0.0f64, 0usize);
+    for m in matched {
+        data += m.weights.iter().zip(&m.data).map(|(w, d)| f64::from(w * d)).sum::<f64>();
+        gradient += m.gradient.iter().map(|g| f64::from(*g)).sum::<f64>();
+        sites += m.sites();
     }
+    let sites = sites.max(1) as f64;
+    (data / sites, f64::from(mu) * gradient / sites)
+}
 
-    /// Weights with mean λ: only their ratio to μ matters, which λ then sets.
-    pub(super) fn weights(&self, factor: f32) -> Vec<f32> {
-        let sum: f64 = self.weights.iter().map(|w| f64::from(*w)).sum();
-        let sites = self.weights.iter().filter(|w| **w > 0.0).count();
-        let scale = if sum > 0.0 { factor * (sites as f64 / sum) as f32 } else { 0.0 };
-        self.weights.iter().map(|w| w * scale).collect()
+/// Weights with mean λ: only their ratio to μ matters, which λ then sets.
+pub(super) fn weights(matched: &[Matched], factor: f32) -> Vec<Vec<f32>> {
+    let sum: f64 = matched.iter().flat_map(|m| &m.weights).map(|w| f64::from(*w)).sum();
+    let sites: usize = matched.iter().map(Matched::sites).sum();
+    let scale = if sum > 0.0 { factor * (sites as f64 / sum) as f32 } else { 0.0 };
+    matched.iter().map(|m| m.weights.iter().map(|w| w * scale).collect()).collect()
+}
+
+impl Matched {
+    fn sites(&self) -> usize {
+        self.weights.iter().filter(|w| **w > 0.0).count()
     }
 }
 
@@ -150,21 +158,22 @@ impl Scratch {
 
 /// Copies a window of the output, which wraps if the boundary is periodic (an open lattice never
 /// reaches over the border).
-fn gather(field: &Field, origin: [usize; 3], window: usize, out: &mut [f32]) {
+fn gather(field: &Field, origin: [usize; 3], window: Shape, out: &mut [f32]) {
     let [nz, ny, nx] = field.shape();
     let [oz, oy, ox] = origin;
-    let head = window.min(nx - ox);
+    let [_, height, length] = window;
+    let head = length.min(nx - ox);
     let wrapped = |at: usize, n: usize| if at < n { at } else { at - n };
     let start = |dz: usize, dy: usize| (wrapped(oz + dz, nz) * ny + wrapped(oy + dy, ny)) * nx;
-    for (c, out) in out.chunks_exact_mut(window.pow(3)).enumerate() {
+    for (c, out) in out.chunks_exact_mut(voxels(window)).enumerate() {
         let values = field.channel(c);
-        if head == window {
+        if head == length {
             copy_rows(values, window, |dz, dy| start(dz, dy) + ox, out);
         } else {
-            for (row, out) in out.chunks_exact_mut(window).enumerate() {
-                let line = &values[start(row / window, row % window)..][..nx];
+            for (row, out) in out.chunks_exact_mut(length).enumerate() {
+                let line = &values[start(row / height, row % height)..][..nx];
                 out[..head].copy_from_slice(&line[ox..]);
-                out[head..].copy_from_slice(&line[..window - head]);
+                out[head..].copy_from_slice(&line[..length - head]);
             }
         }
     }
@@ -172,17 +181,18 @@ fn gather(field: &Field, origin: [usize; 3], window: usize, out: &mut [f32]) {
 
 /// Mean squared gradient of a difference of windows: of each pair of neighbouring voxels, for both.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
-fn mean_square_gradient(difference: &[f32], w: usize) -> f32 {
-    let (plane, cube) = (w * w, w * w * w);
+fn mean_square_gradient(difference: &[f32], window: Shape) -> f32 {
+    let [_, height, w] = window;
+    let (plane, all) = (height * w, voxels(window));
     let mut gradient = 0.0f32;
-    for d in difference.chunks_exact(cube) {
-        gradient += square_difference(&d[..cube - plane], &d[plane..]);
+    for d in difference.chunks_exact(all) {
+        gradient += square_difference(&d[..all - plane], &d[plane..]);
         for layer in d.chunks_exact(plane) {
             gradient += square_difference(&layer[..plane - w], &layer[w..]);
         }
-        // Along x all pairs of the cube at once, then without those that span two rows.
-        gradient += square_difference(&d[..cube - 1], &d[1..]);
-        gradient -= d[w - 1..cube - 1]
+        // Along x all pairs of the window at once, then without those that span two rows.
+        gradient += square_difference(&d[..all - 1], &d[1..]);
+        gradient -= d[w - 1..all - 1]
             .iter()
             .step_by(w)
             .zip(d[w..].iter().step_by(w))

@@ -9,6 +9,7 @@ pub mod blend;
 pub mod carry;
 pub mod copying;
 mod cosines;
+mod emphasis;
 pub mod engine;
 pub mod field;
 pub mod lattice;

@@ -42,7 +42,7 @@ pub fn limit_of(dims: usize) -> f32 {
 /// so that 32 of them fill one cache line. Memory: 2·dims bytes a window and orientation.
 pub struct Neighbourhoods<'a> {
     field: &'a Field,
-    window: usize,
+    window: Shape,
     views: Vec<View>,
     starts: Vec<usize>,
     limits: Vec<Shape>,
@@ -54,43 +54,46 @@ pub struct Neighbourhoods<'a> {
 }
 
 impl<'a> Neighbourhoods<'a> {
-    /// Collects the windows of edge `window`, with at most `cap` components for `share` of the
+    /// Collects the windows of these edges, with at most `cap` components for `share` of the
     /// variance.
     ///
     /// # Errors
     /// If the window does not fit into the exemplar, or the caller cancels.
     pub fn new(
         field: &'a Field,
-        window: usize,
+        window: Shape,
         orientations: &[Orientation],
         (cap, share): (usize, f32),
         key: Key,
         monitor: &Monitor<'_>,
     ) -> Result<Self> {
-        if window == 0 || field.shape().iter().any(|&n| n < window) {
+        let views: Vec<View> = orientations.iter().map(|o| o.view(field.shape())).collect();
+        let fits = |view: &View| (0..3).all(|a| (1..=view.shape[a]).contains(&window[a]));
+        if !views.iter().all(fits) {
             return Err(Error::parameter(
                 "window",
                 window,
                 format!(
-                    "must be from 1 to the exemplar's shortest edge, {:?} at this level",
+                    "must be from 1 to the exemplar's edges, {:?} at this level",
                     field.shape()
                 ),
             ));
         }
-        let views: Vec<View> = orientations.iter().map(|o| o.view(field.shape())).collect();
+        let corners = |view: &View| std::array::from_fn(|a| view.shape[a] - window[a]);
+        let limits: Vec<Shape> = views.iter().map(corners).collect();
         let mut starts = vec![0];
-        for view in &views {
-            starts.push(starts[starts.len() - 1] + voxels(view.shape.map(|n| n - window + 1)));
+        for limit in &limits {
+            starts.push(starts[starts.len() - 1] + voxels(limit.map(|n| n + 1)));
         }
         let total = starts[views.len()];
-        let length = field.channels() * window.pow(3);
+        let length = field.channels() * voxels(window);
 
         let mut this = Self {
             field,
             window,
-            limits: views.iter().map(|view| view.shape.map(|n| n - window)).collect(),
             views,
             starts,
+            limits,
             basis: Basis::fit(&mut Array2::zeros((1, 1)), 1, 1.0, 0.0, key),
             dims: 0,
             scale: 1.0,
@@ -119,7 +122,7 @@ impl<'a> Neighbourhoods<'a> {
 
         let mut descriptors = vec![0i16; total * this.dims];
         for (o, view) in this.views.iter().enumerate() {
-            let [_, gy, gx] = view.shape.map(|n| n - window + 1);
+            let [_, gy, gx] = this.limits[o].map(|n| n + 1);
             let plane = gy * gx * this.dims;
             descriptors[this.starts[o] * this.dims..this.starts[o + 1] * this.dims]
                 .par_chunks_mut(PLANES * plane)
@@ -151,7 +154,7 @@ impl<'a> Neighbourhoods<'a> {
         let dims = descriptors.len() / total;
         Self {
             field: grid,
-            window: 1,
+            window: [1; 3],
             views: vec![Orientation::IDENTITY.view(grid.shape())],
             starts: vec![0, total],
             limits: vec![grid.shape().map(|n| n - 1)],
@@ -163,8 +166,8 @@ impl<'a> Neighbourhoods<'a> {
         }
     }
 
-    /// Edge of the windows.
-    pub const fn window(&self) -> usize {
+    /// Edges of the windows.
+    pub const fn window(&self) -> Shape {
         self.window
     }
 
@@ -178,9 +181,9 @@ impl<'a> Neighbourhoods<'a> {
         self.dims
     }
 
-    /// Length of a window's vector of values: channels × window³.
+    /// Length of a window's vector of values: channels × voxels.
     pub const fn length(&self) -> usize {
-        self.field.channels() * self.window.pow(3)
+        self.field.channels() * voxels(self.window)
     }
 
     /// Number of windows over all orientations.
@@ -248,13 +251,13 @@ impl<'a> Neighbourhoods<'a> {
         let view = self.view(m);
         let [z, y, x] = m.origin.map(usize::from);
         let start = |dz: usize, dy: usize| view.index([z + dz, y + dy, x]);
-        for (c, out) in out.chunks_exact_mut(w * w * w).enumerate() {
+        for (c, out) in out.chunks_exact_mut(voxels(w)).enumerate() {
             let values = self.field.channel(c);
-            if view.stride[2] == 1 {
+            if view.stride[2] == 1 || w[2] == 1 {
                 copy_rows(values, w, start, out);
             } else {
-                for (row, out) in out.chunks_exact_mut(w).enumerate() {
-                    let mut at = start(row / w, row % w) as isize;
+                for (row, out) in out.chunks_exact_mut(w[2]).enumerate() {
+                    let mut at = start(row / w[1], row % w[1]) as isize;
                     for o in out {
                         *o = values[at as usize];
                         at += view.stride[2];
@@ -271,7 +274,7 @@ impl<'a> Neighbourhoods<'a> {
         let [z, y, x] = m.origin.map(usize::from);
         let start = |dz: usize, dy: usize| view.index([z + dz, y + dy, x]);
         let mut sum = 0.0;
-        for (c, own) in values.chunks_exact(w * w * w).enumerate() {
+        for (c, own) in values.chunks_exact(voxels(w)).enumerate() {
             sum += squared_difference(self.field.channel(c), (start, view.stride[2]), w, own);
         }
         sum / values.len() as f32
@@ -300,19 +303,20 @@ impl<'a> Neighbourhoods<'a> {
 #[derive(Default)]
 pub struct Projection(Array2<f32>);
 
-/// Copies the rows of a cube of edge `w`, which start in `values` where `start(z, y)` says.
+/// Copies the rows of a window of edges `w`, which start in `values` where `start(z, y)` says.
 ///
 /// The usual edges have loops of their own: for four values a call of the library's copy costs more
 /// than the copy.
 #[inline(always)]
-pub fn copy_rows(values: &[f32], w: usize, start: impl Fn(usize, usize) -> usize, out: &mut [f32]) {
+pub fn copy_rows(values: &[f32], w: Shape, start: impl Fn(usize, usize) -> usize, out: &mut [f32]) {
     #[inline(always)]
     fn fixed<const W: usize>(
         values: &[f32],
+        height: usize,
         start: impl Fn(usize, usize) -> usize,
         out: &mut [f32],
     ) {
-        for (z, plane) in out.chunks_exact_mut(W * W).enumerate() {
+        for (z, plane) in out.chunks_exact_mut(height * W).enumerate() {
             for (y, out) in plane.as_chunks_mut::<W>().0.iter_mut().enumerate() {
                 if let Some(from) = values[start(z, y)..].first_chunk() {
                     *out = *from;
@@ -320,13 +324,15 @@ pub fn copy_rows(values: &[f32], w: usize, start: impl Fn(usize, usize) -> usize
             }
         }
     }
-    match w {
-        4 => fixed::<4>(values, start, out),
-        8 => fixed::<8>(values, start, out),
-        10 => fixed::<10>(values, start, out),
+    let [_, height, length] = w;
+    match length {
+        1 => fixed::<1>(values, height, start, out),
+        4 => fixed::<4>(values, height, start, out),
+        8 => fixed::<8>(values, height, start, out),
+        10 => fixed::<10>(values, height, start, out),
         _ => {
-            for (row, out) in out.chunks_exact_mut(w).enumerate() {
-                out.copy_from_slice(&values[start(row / w, row % w)..][..w]);
+            for (row, out) in out.chunks_exact_mut(length).enumerate() {
+                out.copy_from_slice(&values[start(row / height, row % height)..][..length]);
             }
         }
     }
@@ -343,23 +349,24 @@ fn quantise(values: &[f32], used: usize, (scale, limit): (f32, f32), out: &mut [
     }
 }
 
-/// Summed squared difference of a cube of edge `w`, whose rows start in `values` where `start(z, y)`
+/// Summed squared difference of a window of edges `w`, whose rows start in `values` where `start(z, y)`
 /// says and go on in steps of `stride`, and its `own` values.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 fn squared_difference(
     values: &[f32],
     (start, stride): (impl Fn(usize, usize) -> usize, isize),
-    w: usize,
+    [_, height, length]: Shape,
     own: &[f32],
 ) -> f32 {
     #[inline(always)]
     fn fixed<const W: usize>(
         values: &[f32],
+        height: usize,
         start: impl Fn(usize, usize) -> usize,
         own: &[f32],
     ) -> f32 {
         let mut sums = [0.0f32; W];
-        for (z, plane) in own.chunks_exact(W * W).enumerate() {
+        for (z, plane) in own.chunks_exact(height * W).enumerate() {
             for (y, own) in plane.as_chunks::<W>().0.iter().enumerate() {
                 let from = &values[start(z, y)..][..W];
                 for i in 0..W {
@@ -370,14 +377,15 @@ fn squared_difference(
         }
         sums.iter().sum()
     }
-    match (w, stride) {
-        (4, 1) => fixed::<4>(values, start, own),
-        (8, 1) => fixed::<8>(values, start, own),
-        (10, 1) => fixed::<10>(values, start, own),
+    match (length, stride) {
+        (1, _) => fixed::<1>(values, height, start, own),
+        (4, 1) => fixed::<4>(values, height, start, own),
+        (8, 1) => fixed::<8>(values, height, start, own),
+        (10, 1) => fixed::<10>(values, height, start, own),
         _ => {
             let mut sum = 0.0;
-            for (row, own) in own.chunks_exact(w).enumerate() {
-                let mut at = start(row / w, row % w) as isize;
+            for (row, own) in own.chunks_exact(length).enumerate() {
+                let mut at = start(row / height, row % height) as isize;
                 for o in own {
                     let d = o - values[at as usize];
                     sum += d * d;
@@ -403,8 +411,9 @@ mod tests {
     fn windows_and_their_positions_agree() {
         let field = exemplar();
         let all = Symmetry::Full.orientations(None);
-        let set = Neighbourhoods::new(&field, 4, &all, (16, 0.95), Key::new(0), &Monitor::silent())
-            .unwrap();
+        let set =
+            Neighbourhoods::new(&field, [4; 3], &all, (16, 0.95), Key::new(0), &Monitor::silent())
+                .unwrap();
         assert_eq!(set.len(), 48 * 4 * 3 * 5);
         for i in 0..set.len() {
             assert_eq!(set.index(set.match_at(i)), i);
@@ -415,8 +424,9 @@ mod tests {
     fn descriptor_distances_follow_true_distances() {
         let field = exemplar();
         let one = Symmetry::None.orientations(None);
-        let set = Neighbourhoods::new(&field, 3, &one, (60, 1.0), Key::new(0), &Monitor::silent())
-            .unwrap();
+        let set =
+            Neighbourhoods::new(&field, [3; 3], &one, (60, 1.0), Key::new(0), &Monitor::silent())
+                .unwrap();
         let (mut a, mut b) = (vec![0.0; set.length()], vec![0.0; set.length()]);
         for (i, j) in [(0, 1), (3, 70), (10, 100)] {
             set.gather(set.match_at(i), &mut a);
@@ -437,7 +447,8 @@ mod tests {
     fn a_window_larger_than_the_exemplar_is_refused() {
         let field = exemplar();
         let one = Symmetry::None.orientations(None);
-        let set = Neighbourhoods::new(&field, 7, &one, (8, 0.95), Key::new(0), &Monitor::silent());
+        let set =
+            Neighbourhoods::new(&field, [7; 3], &one, (8, 0.95), Key::new(0), &Monitor::silent());
         assert!(set.is_err());
     }
 }

@@ -1,18 +1,84 @@
 //! What a synthesis is asked for.
 
+use super::blend::Mixing;
 use super::field::Field;
 use super::match_map::MatchMap;
 use super::symmetry::Orientation;
 use crate::error::{Error, Result};
 use crate::volume::{Boundary, Shape, voxels};
 
+/// An exemplar, and which windows of the output look like its windows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Example {
+    /// Its values: a volume, or an image of shape (1, y, x).
+    pub field: Field,
+    /// How it is laid into the output.
+    pub orientations: Vec<Orientation>,
+    /// The axis to which its windows are perpendicular; cubic windows without.
+    pub normal: Option<usize>,
+    /// Factor on the weight of its windows.
+    pub weight: f32,
+}
+
+impl Example {
+    /// A volume, whose windows are cubes.
+    pub const fn volume(field: Field, orientations: Vec<Orientation>) -> Self {
+        Self { field, orientations, normal: None, weight: 1.0 }
+    }
+
+    /// An image of shape (1, y, x) for the planes perpendicular to an axis.
+    pub fn image(field: Field, normal: usize, symmetric: bool, weight: f32) -> Self {
+        let orientations = Orientation::of_plane(normal, symmetric);
+        Self { field, orientations, normal: Some(normal), weight }
+    }
+
+    /// Edges of a window or a lattice cell: one voxel along the normal.
+    pub fn extent(&self, edge: usize) -> Shape {
+        std::array::from_fn(|a| if self.normal == Some(a) { 1 } else { edge })
+    }
+}
+
 /// One neighbourhood size of the schedule.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stage {
-    /// Edge w of the cubic window.
+    /// Edge w of the window.
     pub window: usize,
     /// Lattice step t.
     pub step: usize,
+}
+
+/// What is done at one level of the pyramid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LevelPlan {
+    /// Most iterations of a window.
+    pub iterations: usize,
+    /// How matches are found.
+    pub backend: Backend,
+    /// How windows become a volume.
+    pub mixing: Mixing,
+    /// Steps from the plain mean towards the main mode of the windows' values (Kopf et al. 2007); 0:
+    /// from the values that the voxels have.
+    pub mode_steps: usize,
+}
+
+/// How the output's first values are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Start {
+    /// Random cubic blocks of this edge of the exemplar, a volume (zhang_2017 §5.1).
+    Blocks(usize),
+    /// Random voxels of the exemplars (prieto_2011 §2.1).
+    Voxels,
+}
+
+/// What keeps some voxels of the exemplars from being used more than others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Emphasis {
+    /// Nothing.
+    None,
+    /// Values that the output has too much of weigh less (Kopf et al. 2007).
+    Histogram,
+    /// Voxels that the windows have used too often weigh less (Chen & Wang 2010).
+    Position,
 }
 
 /// How matches are found.
@@ -41,15 +107,15 @@ pub enum IndexWeight {
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)]
 pub struct Parameters {
-    pub levels: usize,
+    pub levels: Vec<LevelPlan>,
     pub stages: Vec<Stage>,
-    pub iterations: usize,
     pub tolerance: f32,
-    pub block: usize,
+    pub patience: usize,
+    pub start: Start,
     pub components: usize,
     pub variance: f32,
-    pub orientations: Vec<Orientation>,
-    pub backend: Backend,
+    pub emphasis: Emphasis,
+    pub match_histogram: bool,
     pub index_weight: IndexWeight,
     pub run_penalty: f32,
     pub run_reach: usize,
@@ -92,8 +158,8 @@ pub struct EnergyRecord {
 pub struct Synthesis {
     /// The field.
     pub field: Field,
-    /// Where each window came from.
-    pub map: MatchMap,
+    /// Where each window came from, an exemplar each.
+    pub maps: Vec<MatchMap>,
     /// One record an iteration.
     pub energy: Vec<EnergyRecord>,
 }
@@ -102,56 +168,77 @@ impl Parameters {
     /// Refuses what cannot work.
     pub(super) fn check(
         &self,
-        exemplar: &Field,
+        examples: &[Example],
         shape: Shape,
         constraints: &Constraints,
     ) -> Result<()> {
         let p = self;
         let most = usize::from(u16::MAX);
-        if shape.iter().chain(&exemplar.shape()).any(|&n| n == 0 || n >= most) {
+        let shapes = examples.iter().map(|example| example.field.shape());
+        if shape.into_iter().chain(shapes.flatten()).any(|n| n == 0 || n >= most) {
             return Err(Error::parameter(
                 "shape",
                 shape,
                 format!("must be from 1 to {most} along each axis"),
             ));
         }
-        if p.levels == 0 || p.iterations == 0 || p.stages.is_empty() || p.components == 0 {
+        let channels = examples.first().map_or(0, |example| example.field.channels());
+        if examples.iter().any(|example| example.field.channels() != channels) || channels == 0 {
+            let allowed = "must be given, and all have the same channels";
+            return Err(Error::parameter("exemplars", examples.len(), allowed));
+        }
+        if p.levels.is_empty() || p.stages.is_empty() || p.components == 0 {
             return Err(Error::parameter(
-                "levels, iterations, stages, components",
-                (p.levels, p.iterations, p.stages.len(), p.components),
+                "levels, stages, components",
+                (p.levels.len(), p.stages.len(), p.components),
                 "must be at least 1",
             ));
         }
-        let shortest = |s: Shape| s.iter().min().copied().unwrap_or(0) >> (p.levels - 1);
         for stage in &p.stages {
             if stage.step == 0 || stage.step > stage.window {
                 return Err(Error::parameter("step", stage.step, "must be from 1 to the window"));
             }
-            for (name, s) in [("exemplar", exemplar.shape()), ("shape", shape)] {
-                if shortest(s) < stage.window {
-                    return Err(Error::parameter(
-                        name,
-                        s,
-                        format!(
-                            "must be at least {} along each axis for a window of {} at {} levels",
-                            stage.window << (p.levels - 1),
-                            stage.window,
-                            p.levels
-                        ),
-                    ));
-                }
+            for example in examples {
+                p.check_window(stage.window, example, shape)?;
             }
         }
         let n = voxels(shape);
-        let known = constraints.known.as_ref().is_some_and(|(f, k)| {
-            f.shape() != shape || f.channels() != exemplar.channels() || k.len() != n
-        });
+        let known = constraints
+            .known
+            .as_ref()
+            .is_some_and(|(f, k)| f.shape() != shape || f.channels() != channels || k.len() != n);
         if known || constraints.domain.as_ref().is_some_and(|d| d.len() != n) {
             return Err(Error::parameter(
                 "known, mask",
                 shape,
                 "must have the shape of the output",
             ));
+        }
+        Ok(())
+    }
+
+    /// Refuses what is smaller than a window at the coarsest level.
+    fn check_window(&self, window: usize, example: &Example, shape: Shape) -> Result<()> {
+        let halvings = self.levels.len() - 1;
+        let across = |s: Shape, normal: Option<usize>| {
+            let edges = (0..3).filter(move |&a| normal != Some(a)).map(move |a| s[a]);
+            edges.min().unwrap_or(0) >> halvings
+        };
+        // An image lies perpendicular to its own first axis.
+        let flat = example.normal.map(|_| 0);
+        let own = ("exemplar", example.field.shape(), flat);
+        for (name, s, normal) in [own, ("shape", shape, example.normal)] {
+            if across(s, normal) < window {
+                return Err(Error::parameter(
+                    name,
+                    s,
+                    format!(
+                        "must be at least {} along each axis for a window of {window} at {} levels",
+                        window << halvings,
+                        self.levels.len()
+                    ),
+                ));
+            }
         }
         Ok(())
     }

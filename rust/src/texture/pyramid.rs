@@ -9,18 +9,22 @@ use crate::volume::{Boundary, Shape, index, voxels};
 const REDUCTION_BLUR: f32 = 0.7;
 
 /// Half the resolution: a Gaussian of 0.7 voxels, then the mean of 2 × 2 × 2 voxels. An odd last
-/// plane is dropped.
+/// plane is dropped, a single one (of an image) is kept.
 pub fn reduce(field: &Field) -> Field {
     let blurred = gaussian(field, REDUCTION_BLUR, Boundary::Open);
     let [nz, ny, nx] = field.shape();
-    let shape = [nz / 2, ny / 2, nx / 2];
+    let shape = field.shape().map(|n| (n / 2).max(1));
     let mut out = Field::zeros(shape, field.channels());
     for c in 0..field.channels() {
         let from = blurred.channel(c);
         fill(out.channel_mut(c), shape, |[z, y, x]| {
             let mut sum = 0.0;
             for corner in 0..8 {
-                let p = [2 * z + (corner >> 2), 2 * y + (corner >> 1 & 1), 2 * x + (corner & 1)];
+                let p = [
+                    (2 * z + (corner >> 2)).min(nz - 1),
+                    (2 * y + (corner >> 1 & 1)).min(ny - 1),
+                    (2 * x + (corner & 1)).min(nx - 1),
+                ];
                 sum += from[index([nz, ny, nx], p)];
             }
             sum / 8.0

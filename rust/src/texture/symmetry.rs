@@ -14,6 +14,21 @@ impl Orientation {
     /// The exemplar as it is.
     pub const IDENTITY: Self = Self { axes: [0, 1, 2], flip: [false; 3] };
 
+    /// The orientations of an image, of shape (1, y, x), that lies perpendicular to the axis `normal`:
+    /// its rows along the first of the other two axes and its columns along the second, then, if it is
+    /// `symmetric`, the seven other ways to lay it there.
+    pub fn of_plane(normal: usize, symmetric: bool) -> Vec<Self> {
+        let [first, second] = [[1, 2], [0, 2], [0, 1]][normal];
+        (0..if symmetric { 8u8 } else { 1 })
+            .map(|bits| {
+                let (mut axes, mut flip) = ([0; 3], [false; 3]);
+                (axes[first], axes[second]) = if bits & 4 == 0 { (1, 2) } else { (2, 1) };
+                (flip[first], flip[second]) = (bits & 1 != 0, bits & 2 != 0);
+                Self { axes, flip }
+            })
+            .collect()
+    }
+
     /// The oriented view of a volume of this shape.
     pub fn view(self, shape: Shape) -> View {
         let plain = [(shape[1] * shape[2]) as isize, shape[2] as isize, 1];

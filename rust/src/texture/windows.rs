@@ -39,9 +39,15 @@ pub fn describe(
         let allowed = "must hold a window, and have the exemplar's channels";
         return Err(Error::parameter("volume", value, allowed));
     }
-    let set =
-        Neighbourhoods::new(exemplar, window, &[Orientation::IDENTITY], components, key, monitor)?;
-    let lattice = Lattice::new(volume.shape(), window, step, [0; 3], Boundary::Open);
+    let set = Neighbourhoods::new(
+        exemplar,
+        [window; 3],
+        &[Orientation::IDENTITY],
+        components,
+        key,
+        monitor,
+    )?;
+    let lattice = Lattice::new(volume.shape(), [window; 3], [step; 3], [0; 3], Boundary::Open);
     let (sites, dims) = (lattice.sites(), set.dims());
     let mut queries = vec![0i16; voxels(sites) * dims];
     queries.par_chunks_mut(BLOCK * dims).enumerate().try_for_each_init(
@@ -83,7 +89,7 @@ pub fn find(
     let grid = Field::zeros(grid, 1);
     let set = Neighbourhoods::described(&grid, values(&descriptors).to_vec());
     let shape = sites.map(|n| (n - 1) * step + 1);
-    let lattice = Lattice::new(shape, 1, step, [0; 3], Boundary::Open);
+    let lattice = Lattice::new(shape, [1; 3], [step; 3], [0; 3], Boundary::Open);
     let matches = start.iter().map(|&at| set.match_at(at as usize)).collect();
     let previous = MatchMap { lattice: lattice.clone(), matches };
     let scene = Scene::new(&set, &previous, &lattice, None, None, key);

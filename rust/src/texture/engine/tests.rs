@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::*;
 use crate::error::Error;
-use crate::texture::parameters::Backend;
+use crate::texture::parameters::{Backend, Emphasis};
 use crate::texture::symmetry::Symmetry;
 use crate::threads::with_threads;
 use crate::volume::{Boundary, position, voxels};
@@ -21,17 +21,31 @@ fn exemplar(channels: usize) -> Field {
     Field::new(shape, channels, stretched).unwrap()
 }
 
+fn plan(iterations: usize, backend: Backend) -> LevelPlan {
+    LevelPlan { iterations, backend, mixing: Mixing::MEAN, mode_steps: 0 }
+}
+
+/// As many iterations of coherent search at each of so many levels.
+fn plans(levels: usize, iterations: usize) -> Vec<LevelPlan> {
+    vec![plan(iterations, Backend::Coherent); levels]
+}
+
+/// The exemplar as it is, and nothing else.
+fn alone(field: Field) -> [Example; 1] {
+    [Example::volume(field, Symmetry::None.orientations(None))]
+}
+
 fn parameters() -> Parameters {
     Parameters {
-        levels: 2,
+        levels: plans(2, 3),
         stages: vec![Stage { window: 6, step: 3 }, Stage { window: 4, step: 2 }],
-        iterations: 3,
         tolerance: 0.0,
-        block: 6,
+        patience: 3,
+        start: Start::Blocks(6),
         components: 16,
         variance: 0.95,
-        orientations: Symmetry::None.orientations(None),
-        backend: Backend::Coherent,
+        emphasis: Emphasis::None,
+        match_histogram: true,
         index_weight: IndexWeight::Off,
         run_penalty: 0.3,
         run_reach: 6,
@@ -45,18 +59,18 @@ fn parameters() -> Parameters {
 const SHAPE: Shape = [22, 13, 19];
 
 fn run(p: &Parameters, constraints: Constraints) -> Synthesis {
-    synthesize(&exemplar(1), SHAPE, p, constraints, Key::new(3), &Monitor::silent()).unwrap()
+    synthesize(&alone(exemplar(1)), SHAPE, p, constraints, Key::new(3), &Monitor::silent()).unwrap()
 }
 
 #[test]
 fn the_result_is_the_same_on_any_number_of_threads() {
     for boundary in [Boundary::Open, Boundary::Periodic] {
         for backend in [Backend::Coherent, Backend::KdTree(5)] {
-            let p = Parameters { backend, boundary, ..parameters() };
+            let p = Parameters { levels: vec![plan(3, backend); 2], boundary, ..parameters() };
             let first = run(&p, Constraints::default());
             for threads in [1, 2, 3, 8] {
                 let again = with_threads(threads, || run(&p, Constraints::default())).unwrap();
-                assert!(first.field == again.field && first.map == again.map, "{threads}");
+                assert!(first.field == again.field && first.maps == again.maps, "{threads}");
                 assert_eq!(first.energy, again.energy);
             }
         }
@@ -74,16 +88,9 @@ fn every_backend_and_option_gives_values_of_the_exemplars_range() {
     for backend in [Backend::BruteForce, Backend::KdTree(4), Backend::Coherent] {
         for index_weight in [IndexWeight::Off, IndexWeight::Literal, IndexWeight::Normalised] {
             for symmetry in [Symmetry::None, Symmetry::Flips] {
-                let p = Parameters {
-                    backend,
-                    index_weight,
-                    orientations: symmetry.orientations(None),
-                    iterations: 1,
-                    levels: 1,
-                    ..parameters()
-                };
+                let p = Parameters { levels: vec![plan(1, backend)], index_weight, ..parameters() };
                 let made = synthesize(
-                    &source,
+                    &[Example::volume(source.clone(), symmetry.orientations(None))],
                     SHAPE,
                     &p,
                     Constraints::default(),
@@ -92,7 +99,7 @@ fn every_backend_and_option_gives_values_of_the_exemplars_range() {
                 )
                 .unwrap();
                 assert_eq!((made.field.shape(), made.field.channels()), (SHAPE, 2));
-                assert!(made.map.matches.iter().all(|m| m.is_some()));
+                assert!(made.maps[0].matches.iter().all(|m| m.is_some()));
                 let values = made.field.into_values();
                 assert!(values.iter().all(|v| (low - 1e-3..=high + 1e-3).contains(v)));
             }
@@ -103,7 +110,7 @@ fn every_backend_and_option_gives_values_of_the_exemplars_range() {
 #[test]
 fn the_energy_falls_within_a_level() {
     let made = run(
-        &Parameters { iterations: 8, run_penalty: 0.0, ..parameters() },
+        &Parameters { levels: plans(2, 8), run_penalty: 0.0, ..parameters() },
         Constraints::default(),
     );
     for level in 0..2 {
@@ -116,7 +123,7 @@ fn the_energy_falls_within_a_level() {
 
 #[test]
 fn the_adaptive_factor_follows_the_energy() {
-    let made = run(&Parameters { iterations: 8, ..parameters() }, Constraints::default());
+    let made = run(&Parameters { levels: plans(2, 8), ..parameters() }, Constraints::default());
     for pair in made.energy.windows(2).filter(|p| p[1].iteration > 0) {
         let ratio = pair[1].factor / pair[0].factor;
         let expected = match pair[1].energy / pair[0].energy {
@@ -132,7 +139,7 @@ fn the_adaptive_factor_follows_the_energy() {
 
 #[test]
 fn a_periodic_result_has_no_larger_steps_across_the_border_than_inside() {
-    let p = Parameters { boundary: Boundary::Periodic, iterations: 6, ..parameters() };
+    let p = Parameters { boundary: Boundary::Periodic, levels: plans(2, 6), ..parameters() };
     let field = run(&p, Constraints::default()).field;
     let [nz, ny, nx] = SHAPE;
     let step = |z: usize| -> f32 {
@@ -155,7 +162,7 @@ fn known_voxels_are_kept_and_their_surroundings_adapt() {
         *v = source.channel(0)[crate::volume::index(source.shape(), [z.min(17), y, x.min(15)])];
     }
     let constraints = Constraints { known: Some((values.clone(), known.clone())), domain: None };
-    let made = run(&Parameters { iterations: 6, ..parameters() }, constraints);
+    let made = run(&Parameters { levels: plans(2, 6), ..parameters() }, constraints);
     for (i, on) in known.iter().enumerate() {
         assert!(!on || made.field.channel(0)[i] == values.channel(0)[i]);
     }
@@ -173,8 +180,10 @@ fn known_voxels_are_kept_and_their_surroundings_adapt() {
 fn windows_that_miss_the_domain_are_not_searched() {
     let domain: Vec<bool> = (0..voxels(SHAPE)).map(|i| position(SHAPE, i)[2] < 4).collect();
     let made = run(&parameters(), Constraints { known: None, domain: Some(domain) });
-    let lattice = &made.map.lattice;
-    for (origin, m) in crate::texture::match_map::product(&lattice.origins).zip(&made.map.matches) {
+    let lattice = &made.maps[0].lattice;
+    for (origin, m) in
+        crate::texture::match_map::product(&lattice.origins).zip(&made.maps[0].matches)
+    {
         assert_eq!(m.is_some(), origin[2] < 4);
     }
 }
@@ -191,7 +200,7 @@ fn the_caller_can_cancel_and_hears_of_the_progress() {
     };
     let monitor = Monitor::new(&cancel, &report);
     let made = synthesize(
-        &exemplar(1),
+        &alone(exemplar(1)),
         SHAPE,
         &parameters(),
         Constraints::default(),
@@ -205,13 +214,13 @@ fn the_caller_can_cancel_and_hears_of_the_progress() {
 
 #[test]
 fn what_does_not_fit_is_refused() {
-    let source = exemplar(1);
+    let source = alone(exemplar(1));
     let refuse = |p: Parameters, shape: Shape, constraints: Constraints| {
         synthesize(&source, shape, &p, constraints, Key::new(0), &Monitor::silent()).unwrap_err()
     };
     let none = Constraints::default;
-    refuse(Parameters { levels: 3, ..parameters() }, SHAPE, none());
-    refuse(Parameters { levels: 0, ..parameters() }, SHAPE, none());
+    refuse(Parameters { levels: plans(3, 1), ..parameters() }, SHAPE, none());
+    refuse(Parameters { levels: Vec::new(), ..parameters() }, SHAPE, none());
     refuse(Parameters { stages: Vec::new(), ..parameters() }, SHAPE, none());
     refuse(
         Parameters { stages: vec![Stage { window: 4, step: 5 }], ..parameters() },
@@ -226,11 +235,15 @@ fn what_does_not_fit_is_refused() {
 
 #[test]
 fn an_output_of_the_window_itself_works() {
-    let p = Parameters { levels: 1, stages: vec![Stage { window: 4, step: 2 }], ..parameters() };
+    let p = Parameters {
+        levels: plans(1, 3),
+        stages: vec![Stage { window: 4, step: 2 }],
+        ..parameters()
+    };
     for boundary in [Boundary::Open, Boundary::Periodic] {
         let p = Parameters { boundary, ..p.clone() };
         let made = synthesize(
-            &exemplar(1),
+            &alone(exemplar(1)),
             [4, 4, 4],
             &p,
             Constraints::default(),

@@ -19,7 +19,8 @@ fn exemplar() -> Field {
 
 fn neighbourhoods(field: &Field, symmetry: Symmetry) -> Neighbourhoods<'_> {
     let all = symmetry.orientations(None);
-    Neighbourhoods::new(field, WINDOW, &all, (16, 0.99), Key::new(0), &Monitor::silent()).unwrap()
+    Neighbourhoods::new(field, [WINDOW; 3], &all, (16, 0.99), Key::new(0), &Monitor::silent())
+        .unwrap()
 }
 
 /// Backends, and how many passes each gets.
@@ -176,7 +177,7 @@ fn the_run_penalty_breaks_up_a_verbatim_copy() {
     let field = exemplar();
     let set = neighbourhoods(&field, Symmetry::None);
     // The output is a copy of a corner of the exemplar, and the map says so.
-    let lattice = Lattice::new([12, 12, 12], WINDOW, 2, [0; 3], Boundary::Open);
+    let lattice = Lattice::new([12, 12, 12], [WINDOW; 3], [2; 3], [0; 3], Boundary::Open);
     let truth: Vec<Match> = super::super::match_map::product(&lattice.origins)
         .map(|o| Match { orientation: 0, origin: o.map(|v| v as u16) })
         .collect();
