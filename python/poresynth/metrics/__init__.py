@@ -62,8 +62,15 @@ from poresynth.metrics.parts import (
     remove_small_parts,
 )
 from poresynth.metrics.registry import METRICS, TRANSPORT_METRICS, Metric, unit_of
+from poresynth.metrics.sections import diagonal_sections, sections
 from poresynth.metrics.skeleton import EndPoints, end_points, skeletonize
 from poresynth.metrics.skeleton_graph import Branches, Nodes, SkeletonGraph, skeleton_graph
+from poresynth.metrics.slice_statistics import (
+    SliceScore,
+    SliceStatistics,
+    slice_score,
+    slice_statistics,
+)
 from poresynth.metrics.specimen import Specimen
 from poresynth.metrics.structure_error import StructureDifference, StructureError, structure_error
 from poresynth.metrics.surface import SurfaceArea, surface_area
@@ -120,6 +127,8 @@ __all__ = [
     "Permeability",
     "PoreSizeDistribution",
     "SkeletonGraph",
+    "SliceScore",
+    "SliceStatistics",
     "Specimen",
     "StructureDifference",
     "StructureError",
@@ -136,6 +145,7 @@ __all__ = [
     "component_wasserstein",
     "components",
     "connectivity_density",
+    "diagonal_sections",
     "distance_transform",
     "effective_diffusivity",
     "end_points",
@@ -164,8 +174,11 @@ __all__ = [
     "porosity",
     "remove_small_parts",
     "seam",
+    "sections",
     "skeleton_graph",
     "skeletonize",
+    "slice_score",
+    "slice_statistics",
     "structure_error",
     "surface_area",
     "thickness",
