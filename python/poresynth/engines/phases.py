@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -123,6 +124,19 @@ class Phases:
     def porosity(self) -> float:
         """Share of the pore."""
         return float(np.count_nonzero(self.phase == 0) / self.phase.size)
+
+    def provenance(self, exemplar: Volume) -> dict[str, Any]:
+        """Return what a result says of its exemplar."""
+        array = exemplar.array
+        return {
+            "sha256": hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest(),
+            "shape": list(array.shape),
+            "dtype": str(array.dtype),
+            "kind": self.kind,
+            "solid": self.solid,
+            "threshold": self.threshold,
+            "porosity": self.porosity,
+        }
 
     def wanted(self, voxels: int, porosity: float | None) -> list[int]:
         """Return how many of so many voxels each phase gets: the exemplar's shares.

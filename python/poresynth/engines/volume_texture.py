@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -14,9 +13,10 @@ from poresynth import _core
 from poresynth.engines.base import EnergyRecord, ProgressCallback, SynthesizedVolume
 from poresynth.engines.field_choice import choose_field
 from poresynth.engines.phases import Phases
+from poresynth.engines.request import Request
 from poresynth.engines.texture_parameters import resolve
+from poresynth.engines.values import channels_first, cut, phase_values
 from poresynth.errors import FileError, ParameterError
-from poresynth.metrics.histograms import match_histogram
 from poresynth.preprocess import validate_voxels
 from poresynth.resources import check_memory
 from poresynth.volume import Volume, as_volume
@@ -295,46 +295,53 @@ class VolumeTexture:
         Peak memory: see `estimate_memory`.
         """
         self._check_fitted()
-        shape = self._check_shape(shape)
-        seed = _check_integer("seed", seed, 0, 2**64 - 1)
-        threads = _check_integer("threads", threads, 0, 4096)
-        if boundary not in ("open", "periodic"):
-            raise ParameterError("boundary", boundary, "must be 'open' or 'periodic'")
-        if porosity is not None and not 0 < porosity < 1:
-            raise ParameterError("porosity", porosity, "must be above 0 and below 1")
-        check_memory(self.estimate_memory(shape), f"a volume of {shape}")
-        domain = _check_mask("mask", mask, shape)
-        given, given_mask = self._check_known(known, known_mask, shape)
-
         p, phases = self.parameters_, self._phases
+        request = Request.of(
+            shape,
+            least=max(w for w, _ in p.stages()) << (p.levels - 1),
+            exemplar=self.exemplar_,
+            seed=seed,
+            boundary=boundary,
+            porosity=porosity,
+            known=known,
+            known_mask=known_mask,
+            mask=mask,
+            threads=threads,
+        )
+        check_memory(self.estimate_memory(request.shape), f"a volume of {request.shape}")
         exemplar_field = self._field(self.exemplar_.array, phases.phase)
         field, [match_map], energy = _core.synthesize(
             [self._example(exemplar_field)],
-            shape,
-            self._options(boundary),
-            seed=seed,
-            known=self._known_field(given, given_mask),
-            known_mask=given_mask,
-            domain=domain,
-            threads=threads,
+            request.shape,
+            self._options(request.boundary),
+            seed=request.seed,
+            known=self._known_field(request),
+            known_mask=request.known_mask,
+            domain=request.domain,
+            threads=request.threads,
             progress=progress,
         )
-        free = _free_voxels(domain, given_mask)
         scores = field
         if self.field_ == "distance" and p.smoothing > 0:
-            scores = _core.gaussian(field, p.smoothing, boundary=boundary)
-        phase = self._cut(scores, free, porosity, seed)
-        array = self._values(exemplar_field, field, phase, match_map, free, seed, threads)
-        if given is not None and given_mask is not None:
-            array[given_mask] = given[given_mask]
-        if domain is not None:
-            array[~domain] = self._outside()
+            scores = _core.gaussian(field, p.smoothing, boundary=request.boundary)
+        phase = self._cut(scores, request)
+        gray = field
+        if phases.kind == "gray" and self.field_ == "distance":
+            gray = _core.carry(
+                exemplar_field,
+                field,
+                np.ascontiguousarray(channels_first(self.exemplar_.array), dtype=np.float32),
+                match_map,
+                seed=request.seed,
+                threads=request.threads,
+            )
+        array = phase_values(phases, self.exemplar_.array, phase, gray, request)
         copied, block = match_map.copying()
         return SynthesizedVolume(
             array,
             self.exemplar_.voxel_size,
             self.exemplar_.unit,
-            {"poresynth": self._provenance(shape, seed, boundary, porosity, copied, block)},
+            {"poresynth": self._provenance(request, copied, block)},
             match_map=match_map,
             energy=tuple(EnergyRecord(*record) for record in energy),
         )
@@ -406,48 +413,6 @@ class VolumeTexture:
         if not hasattr(self, "exemplar_"):
             raise ParameterError("engine", "not fitted", "must see an exemplar first: call fit")
 
-    def _check_shape(self, shape: tuple[int, int, int]) -> tuple[int, int, int]:
-        p = self.parameters_
-        window = max(w for w, _ in p.stages())
-        least = window << (p.levels - 1)
-        try:
-            z, y, x = (int(n) for n in shape if int(n) == n)
-        except (TypeError, ValueError):
-            raise ParameterError("shape", shape, "must be three integers (z, y, x)") from None
-        if min(z, y, x) < least:
-            raise ParameterError(
-                "shape",
-                (z, y, x),
-                f"must be at least {least} along each axis for a window of {window} at {p.levels} "
-                "levels",
-            )
-        return (z, y, x)
-
-    def _check_known(
-        self,
-        known: Volume | npt.ArrayLike | None,
-        known_mask: npt.NDArray[np.bool_] | None,
-        shape: tuple[int, int, int],
-    ) -> tuple[npt.NDArray[Any] | None, npt.NDArray[np.bool_] | None]:
-        if (known is None) != (known_mask is None):
-            raise ParameterError("known, known_mask", "one of them", "must be given together")
-        if known is None:
-            return None, None
-        on = _check_mask("known_mask", known_mask, shape)
-        given = as_volume(known).array
-        wanted = shape + self.exemplar_.array.shape[3:]
-        if given.shape != wanted:
-            raise ParameterError("known", given.shape, f"must have the shape {wanted}")
-        values = given[on]
-        if np.issubdtype(given.dtype, np.inexact) and not np.isfinite(values).all():
-            raise ParameterError("known", "NaN or infinite", "must be finite where it counts")
-        dtype = self.exemplar_.dtype
-        if given.dtype != dtype and not np.array_equal(values.astype(dtype), values):
-            raise ParameterError(
-                "known", given.dtype, f"must hold values that the exemplar's dtype {dtype} can hold"
-            )
-        return given, on
-
     def _example(self, field: npt.NDArray[np.float32]) -> dict[str, Any]:
         p = self.parameters_
         return {
@@ -501,153 +466,34 @@ class VolumeTexture:
         if phases.kind != "gray":
             which = [1] if len(phases.labels) == 2 else range(len(phases.labels))
             return np.stack([np.where(phase == k, np.float32(255), np.float32(0)) for k in which])
-        exemplar = _channels_first(self.exemplar_.array)
+        exemplar = channels_first(self.exemplar_.array)
         low = exemplar.min(axis=(1, 2, 3), keepdims=True).astype(np.float64)
         high = exemplar.max(axis=(1, 2, 3), keepdims=True).astype(np.float64)
         span = np.where(high > low, high - low, 1.0)
-        field = (_channels_first(array) - low) * (255.0 / span)
+        field = (channels_first(array) - low) * (255.0 / span)
         return np.ascontiguousarray(field, dtype=np.float32)
 
-    def _known_field(
-        self, known: npt.NDArray[Any] | None, on: npt.NDArray[np.bool_] | None
-    ) -> npt.NDArray[np.float32] | None:
-        if known is None or on is None:
+    def _known_field(self, request: Request) -> npt.NDArray[np.float32] | None:
+        filled = request.filled(self.exemplar_.array[0, 0, 0])
+        if filled is None:
             return None
-        filled = known.copy()
-        filled[~on] = self.exemplar_.array[0, 0, 0]  # unknown voxels may hold anything, NaN too
-        return self._field(filled, self._phases.phase_of(filled), on)
+        return self._field(filled, self._phases.phase_of(filled), request.known_mask)
 
-    def _cut(
-        self,
-        scores: npt.NDArray[np.float32],
-        free: npt.NDArray[np.bool_] | None,
-        porosity: float | None,
-        seed: int,
-    ) -> npt.NDArray[np.uint8]:
+    def _cut(self, scores: npt.NDArray[np.float32], request: Request) -> npt.NDArray[np.uint8]:
         """Return the phase of every voxel, with exactly the wanted number in each."""
-        count = scores[0].size if free is None else int(np.count_nonzero(free))
-        wanted = self._phases.wanted(count, porosity)
-        flat = None if free is None else free.ravel()
-        if len(wanted) > 2:
-            rows = scores.reshape(len(wanted), -1)
-            cut = _core.cut_phases(rows, wanted, seed=seed, free=flat)
-            return cut.reshape(scores.shape[1:])
-        score = scores[0].ravel()
         dark = self.field_ == "intensity" and self._phases.kind == "gray"
         if dark and self._phases.solid == "dark":
-            score = -score
-        solid = _core.cut_solid(score, wanted[1], seed=seed, free=flat)
-        return solid.reshape(scores.shape[1:]).view(np.uint8)
+            scores = -scores
+        return cut(self._phases, scores, request)
 
-    def _values(
-        self,
-        exemplar_field: npt.NDArray[np.float32],
-        field: npt.NDArray[np.float32],
-        phase: npt.NDArray[np.uint8],
-        match_map: _core.MatchMap,
-        free: npt.NDArray[np.bool_] | None,
-        seed: int,
-        threads: int,
-    ) -> npt.NDArray[Any]:
-        """Return the output's values: the phases' own, or gray values phase by phase."""
-        phases = self._phases
-        if phases.kind != "gray":
-            return phases.labels[phase]
-        exemplar = self.exemplar_.array
-        gray = field
-        if self.field_ == "distance":
-            values = np.ascontiguousarray(_channels_first(exemplar), dtype=np.float32)
-            gray = _core.carry(exemplar_field, field, values, match_map, seed=seed, threads=threads)
-        out = np.zeros((len(gray), *phase.shape), exemplar.dtype)
-        for k in (0, 1):
-            here = phase == k if free is None else (phase == k) & free
-            if not here.any():
-                continue
-            for channel, values in enumerate(_channels_first(exemplar)):
-                # Rows are volumes of one line: the order of the voxels is all that counts.
-                own, wanted = gray[channel][here], values[phases.phase == k]
-                placed = match_histogram(
-                    own[None, None], wanted[None, None], ties="random", seed=seed, threads=threads
-                )
-                out[channel][here] = placed.ravel()
-        return out[0] if exemplar.ndim == 3 else np.ascontiguousarray(np.moveaxis(out, 0, -1))
-
-    def _outside(self) -> Any:
-        """Return the value of voxels outside the mask."""
-        if self._phases.kind != "gray":
-            return self._phases.labels[0]
-        channels = _channels_first(self.exemplar_.array)
-        lowest = channels.min(axis=(1, 2, 3))
-        if self._phases.solid == "dark":
-            lowest = channels.max(axis=(1, 2, 3))
-        return lowest[0] if self.exemplar_.array.ndim == 3 else lowest
-
-    def _provenance(
-        self,
-        shape: tuple[int, int, int],
-        seed: int,
-        boundary: str,
-        porosity: float | None,
-        copied: float,
-        block: float,
-    ) -> dict[str, Any]:
-        exemplar = self.exemplar_.array
-        digest = hashlib.sha256(np.ascontiguousarray(exemplar).tobytes()).hexdigest()
+    def _provenance(self, request: Request, copied: float, block: float) -> dict[str, Any]:
         return {
             "version": _core.__version__,
             "engine": "volume",
             "parameters": self.parameters_.model_dump(mode="json"),
             "field": self.field_,
             "field_reason": self.field_reason_,
-            "shape": list(shape),
-            "seed": seed,
-            "boundary": boundary,
-            "porosity": porosity,
-            "exemplar": {
-                "sha256": digest,
-                "shape": list(exemplar.shape),
-                "dtype": str(exemplar.dtype),
-                "kind": self._phases.kind,
-                "solid": self._phases.solid,
-                "threshold": self._phases.threshold,
-                "porosity": self._phases.porosity,
-            },
+            **request.provenance(),
+            "exemplar": self._phases.provenance(self.exemplar_),
             "copying": {"copy_fraction": copied, "mean_copied_block": block},
         }
-
-
-def _channels_first(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    return array[None] if array.ndim == 3 else np.moveaxis(array, -1, 0)
-
-
-def _free_voxels(
-    domain: npt.NDArray[np.bool_] | None, known: npt.NDArray[np.bool_] | None
-) -> npt.NDArray[np.bool_] | None:
-    """Return the voxels that the cut may decide, None for all."""
-    if domain is None:
-        return None if known is None else ~known
-    return domain if known is None else domain & ~known
-
-
-def _check_integer(name: str, value: Any, low: int, high: int) -> int:
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
-        raise ParameterError(name, value, "must be an integer")
-    if not low <= value <= high:
-        raise ParameterError(name, value, f"must be from {low} to {high}")
-    return int(value)
-
-
-def _check_mask(
-    name: str, mask: npt.NDArray[np.bool_] | None, shape: tuple[int, int, int]
-) -> npt.NDArray[np.bool_] | None:
-    if mask is None:
-        return None
-    mask = np.asarray(mask)
-    if mask.shape != shape:
-        raise ParameterError(name, mask.shape, f"must have the shape {shape}")
-    if mask.dtype != bool and not np.isin(np.unique(mask), (0, 1, 255)).all():
-        raise ParameterError(name, mask.dtype, "must be a mask: bool, or 0 and one other value")
-    mask = mask.astype(bool)
-    if not mask.any():
-        raise ParameterError(name, "empty", "must have at least one voxel")
-    return mask
