@@ -143,7 +143,9 @@ fn intensities(c: &mut Criterion) {
 fn whole(c: &mut Criterion) {
     let field = exemplar();
     let plan = LevelPlan {
+        stages: vec![Stage { window: 8, step: 4 }, Stage { window: 4, step: 2 }],
         iterations: 6,
+        response_steps: [0; 2],
         backend: Backend::Coherent,
         mixing: Mixing::MEAN,
         mode_steps: 0,
@@ -151,7 +153,6 @@ fn whole(c: &mut Criterion) {
     let examples = [Example::volume(field, Symmetry::None.orientations(None))];
     let parameters = Parameters {
         levels: vec![plan; 2],
-        stages: vec![Stage { window: 8, step: 4 }, Stage { window: 4, step: 2 }],
         tolerance: 0.005,
         patience: 3,
         start: Start::Blocks(8),
@@ -159,6 +160,7 @@ fn whole(c: &mut Criterion) {
         variance: 0.95,
         emphasis: Emphasis::None,
         match_histogram: true,
+        filters: None,
         index_weight: IndexWeight::Off,
         run_penalty: 0.3,
         run_reach: 12,

@@ -19,6 +19,7 @@ __all__ = [
     "describe_windows",
     "diffusivity",
     "distance_transform",
+    "enlarge_periodic",
     "euler_corrected",
     "euler_number",
     "gaussian",
@@ -29,9 +30,11 @@ __all__ = [
     "local_porosity",
     "local_thickness",
     "match_histogram",
+    "match_responses",
     "match_windows",
     "novelty",
     "permeability",
+    "random_field",
     "run_lengths",
     "secants",
     "signed_distance",
@@ -107,6 +110,26 @@ def match_windows(
     seed: int,
     threads: int = 0,
 ) -> npt.NDArray[np.int64]: ...
+def match_responses(
+    volume: npt.NDArray[np.float32],
+    images: list[tuple[int, npt.NDArray[np.float32], bool, float]],
+    *,
+    steps: int,
+    filters: int,
+    edge: int,
+    seed: int,
+    threads: int = 0,
+) -> tuple[npt.NDArray[np.float32], list[float]]: ...
+def random_field(
+    images: list[tuple[int, npt.NDArray[np.float32], bool, float]],
+    shape: tuple[int, int, int],
+    *,
+    seed: int,
+    threads: int = 0,
+) -> npt.NDArray[np.float32]: ...
+def enlarge_periodic(
+    volume: npt.NDArray[np.float32], shape: tuple[int, int, int], *, threads: int = 0
+) -> npt.NDArray[np.float32]: ...
 def gaussian(
     field: npt.NDArray[np.float32], sigma: float, *, boundary: str
 ) -> npt.NDArray[np.float32]: ...

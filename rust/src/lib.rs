@@ -1,11 +1,12 @@
 //! Kernels of poresynth: synthesis of porous volumes by example, and their measurement.
 //!
-//! Ground floor: [`error`], [`rng`], [`volume`], [`monitor`], [`threads`]. Above it one module an
+//! Ground floor: [`error`], [`rng`], [`volume`], [`fourier`], [`monitor`], [`threads`]. Above it one module an
 //! area. Only `bindings` (feature `python`) knows Python.
 
 mod bits;
 pub mod correlation;
 pub mod error;
+pub mod fourier;
 pub mod geometry;
 pub mod intensity;
 pub mod monitor;

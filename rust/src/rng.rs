@@ -47,6 +47,16 @@ impl Key {
         std::array::from_fn(|i| (((bits >> (16 * i)) as usize & 0xFFFF) * n[i]) >> 16)
     }
 
+    /// Float of the normal law with mean 0 and variance 1 (Box and Muller).
+    pub fn normal(self, index: u64) -> f32 {
+        let bits = self.bits(index);
+        let (high, low) = (f64::from((bits >> 32) as u32), f64::from(bits as u32));
+        let whole = f64::from(u32::MAX) + 1.0;
+        // The first is in (0, 1], so that its logarithm is finite.
+        let (radius, turn) = ((high + 1.0) / whole, low / whole);
+        ((-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * turn).cos()) as f32
+    }
+
     /// Uniform float in `[0, 1)`.
     pub fn unit(self, index: u64) -> f32 {
         (self.bits(index) >> 40) as f32 / (1u64 << 24) as f32
@@ -84,6 +94,17 @@ mod tests {
             assert!(c == 0 && d < 65_536);
         }
         assert!(counts.iter().flatten().all(|&c| c.abs_diff(2000) < 250), "{counts:?}");
+    }
+
+    #[test]
+    fn normal_has_the_moments_of_the_normal_law() {
+        let n = 100_000u64;
+        let x: Vec<f64> = (0..n).map(|i| f64::from(Key::new(8).normal(i))).collect();
+        let moment = |power| x.iter().map(|v| v.powi(power)).sum::<f64>() / n as f64;
+        let found = [1, 2, 3, 4].map(moment);
+        let near =
+            found.iter().zip([0.0, 1.0, 0.0, 3.0]).all(|(a, b): (&f64, f64)| (a - b).abs() < 0.1);
+        assert!(near, "{found:?}");
     }
 
     #[test]

@@ -16,7 +16,9 @@ from poresynth import _core
 from poresynth.errors import ParameterError
 
 LEVEL = {
+    "stages": [(4, 2)],
     "iterations": 1,
+    "response_steps": (0, 0),
     "search": "brute_force",
     "candidates": 10,
     "bandwidth": None,
@@ -25,10 +27,12 @@ LEVEL = {
 }
 OPTIONS = {
     "levels": [LEVEL],
-    "stages": [(4, 2)],
     "tolerance": 0.0,
     "patience": 3,
+    "start": "blocks",
     "block": 4,
+    "filters": 0,
+    "filter_edge": 0,
     "components": 64,
     "variance": 1.0,
     "emphasis": "none",

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from poresynth.engines.parameters import checked, named
 from poresynth.errors import ParameterError
 
 __all__ = ["PRESETS", "TextureParameters", "resolve"]
@@ -104,15 +105,5 @@ def resolve(given: dict[str, Any]) -> TextureParameters:
     ParameterError
         If a parameter is unknown or outside its range.
     """
-    chosen = {name: value for name, value in given.items() if value is not None}
-    preset = chosen.get("preset", "quality")
-    try:
-        return TextureParameters(**{**PRESETS.get(preset, {}), **chosen})
-    except ValidationError as error:
-        first = error.errors()[0]
-        name = ".".join(str(part) for part in first["loc"])
-        message = first["msg"].removeprefix("Value error, ")
-        message = message.replace("Input should be", "must be").replace(
-            "Extra inputs are not permitted", "is not a parameter of this engine"
-        )
-        raise ParameterError(name, first.get("input"), message) from None
+    chosen = named(given)
+    return checked(TextureParameters, {**PRESETS.get(chosen.get("preset", "quality"), {}), **chosen})

@@ -433,6 +433,8 @@ class VolumeTexture:
         )  # fmt: skip
         level = {
             **p.model_dump(include={"iterations", "search", "candidates"}),
+            "stages": p.stages(),
+            "response_steps": (0, 0),
             "bandwidth": None,
             "relaxation": 1.0,
             "mode_steps": 0,
@@ -440,7 +442,9 @@ class VolumeTexture:
         return {
             **shared,
             "levels": [level] * p.levels,
-            "stages": p.stages(),
+            "start": "blocks",
+            "filters": 0,
+            "filter_edge": 0,
             "patience": PATIENCE,
             "emphasis": "none",
             "match_histogram": True,

@@ -8,6 +8,7 @@ mod euler;
 mod geometry;
 mod gray;
 mod intensity;
+mod responses;
 mod skeleton;
 mod surface;
 mod texture;
@@ -53,6 +54,8 @@ mod _core {
     use super::gray::{binned_counts, gray_moments, level_counts, match_histogram};
     #[pymodule_export]
     use super::intensity::{cut_phases, cut_solid};
+    #[pymodule_export]
+    use super::responses::{enlarge_periodic, match_responses, random_field};
     #[pymodule_export]
     use super::skeleton::{skeleton_graph, thin};
     #[pymodule_export]

@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::rng::Key;
 use crate::texture::blend::{Mixing, Source};
 use crate::texture::parameters::{Backend, Emphasis, Example, IndexWeight, LevelPlan, Start};
+use crate::texture::responses::FilterBank;
 use crate::texture::symmetry::{Orientation, Symmetry, View};
 use crate::texture::{
     Constraints, Field, Parameters, Stage, carry, copying, pyramid, synthesize as optimise, windows,
@@ -22,10 +23,12 @@ use crate::volume::Shape;
 #[pyo3(from_item_all)]
 pub(super) struct Options {
     levels: Vec<LevelOptions>,
-    stages: Vec<(usize, usize)>,
     tolerance: f32,
     patience: usize,
-    block: Option<usize>,
+    start: String,
+    block: usize,
+    filters: usize,
+    filter_edge: usize,
     components: usize,
     variance: f32,
     emphasis: String,
@@ -43,7 +46,9 @@ pub(super) struct Options {
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct LevelOptions {
+    stages: Vec<(usize, usize)>,
     iterations: usize,
+    response_steps: [usize; 2],
     search: String,
     candidates: usize,
     bandwidth: Option<f32>,
@@ -54,7 +59,9 @@ struct LevelOptions {
 impl LevelOptions {
     fn plan(&self) -> Result<LevelPlan> {
         Ok(LevelPlan {
+            stages: self.stages.iter().map(|&(window, step)| Stage { window, step }).collect(),
             iterations: self.iterations,
+            response_steps: self.response_steps,
             backend: backend(&self.search, self.candidates)?,
             mixing: Mixing { bandwidth: self.bandwidth, relaxation: self.relaxation },
             mode_steps: self.mode_steps,
@@ -84,9 +91,18 @@ impl Options {
                     return Err(Error::parameter("emphasis", other, allowed));
                 }
             },
-            start: self.block.map_or(Start::Voxels, Start::Blocks),
+            start: match self.start.as_str() {
+                "blocks" => Start::Blocks(self.block),
+                "voxels" => Start::Voxels,
+                "random_field" => Start::RandomField,
+                other => {
+                    let allowed = "must be 'blocks', 'voxels' or 'random_field'";
+                    return Err(Error::parameter("start", other, allowed));
+                }
+            },
+            filters: (self.filters > 0)
+                .then_some(FilterBank { filters: self.filters, edge: self.filter_edge }),
             boundary: self.boundary.parse()?,
-            stages: self.stages.iter().map(|&(window, step)| Stage { window, step }).collect(),
             tolerance: self.tolerance,
             patience: self.patience,
             components: self.components,
@@ -336,7 +352,7 @@ pub(super) fn gaussian<'py>(
     wrap(py, out)
 }
 
-fn field_argument(argument: &Bound<'_, PyAny>) -> PyResult<Field> {
+pub(super) fn field_argument(argument: &Bound<'_, PyAny>) -> PyResult<Field> {
     let array = argument.extract::<PyReadonlyArray4<'_, f32>>()?;
     Ok(field(array.as_array())?)
 }
@@ -346,7 +362,7 @@ fn field(view: ArrayView4<'_, f32>) -> Result<Field> {
     Field::new([z, y, x], channels, view.iter().copied().collect())
 }
 
-fn wrap(py: Python<'_>, field: Field) -> PyResult<Bound<'_, PyArray4<f32>>> {
+pub(super) fn wrap(py: Python<'_>, field: Field) -> PyResult<Bound<'_, PyArray4<f32>>> {
     let [z, y, x]: Shape = field.shape();
     let channels = field.channels();
     field.into_values().into_pyarray(py).reshape([channels, z, y, x])

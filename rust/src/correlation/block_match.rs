@@ -14,8 +14,8 @@ use realfft::{RealFftPlanner, RealToComplex};
 use rustfft::num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 
-use super::fft::{ROWS, fast_length, transformed, write_columns};
 use crate::error::{Error, Result};
+use crate::fourier::{ROWS, fast_length, transformed, write_columns};
 use crate::monitor::Monitor;
 use crate::rng::Key;
 use crate::volume::Shape;

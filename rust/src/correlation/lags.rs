@@ -11,8 +11,8 @@ use realfft::RealFftPlanner;
 use rustfft::num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 
-use super::fft::{ROWS, fast_length, transformed, write_columns};
 use crate::error::Result;
+use crate::fourier::{ROWS, fast_length, transformed, write_columns};
 use crate::monitor::Monitor;
 use crate::volume::Shape;
 

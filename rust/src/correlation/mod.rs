@@ -3,7 +3,6 @@
 
 pub mod block_match;
 pub mod cluster;
-mod fft;
 mod lags;
 pub mod local_porosity;
 pub mod runs;

@@ -11,11 +11,14 @@ use super::neighbourhoods::Neighbourhoods;
 use super::parameters::{
     Constraints, EnergyRecord, Example, IndexWeight, LevelPlan, Parameters, Stage, Start, Synthesis,
 };
+use super::random_field::random_field;
+use super::responses::{ResponseMatching, Target, pooled_quantiles};
 use super::search::penalty::{IndexHistogram, RunPenalty};
 use super::search::{Scene, Search, prepare};
 use super::symmetry::View;
 use super::{poisson, pyramid};
 use crate::error::Result;
+use crate::fourier::enlarge;
 use crate::intensity::Quantiles;
 use crate::monitor::Monitor;
 use crate::rng::Key;
@@ -56,24 +59,26 @@ pub fn synthesize(
     parameters.check(examples, shape, &constraints)?;
     let count = parameters.levels.len();
     let levels = Levels::new(examples, shape, constraints, count);
-    let (field, maps) = start(examples, &levels, parameters, key.with(0));
+    let (field, maps) = start(examples, &levels, parameters, key.with(0), monitor)?;
+    let work = parameters.levels.iter().map(steps).sum::<usize>();
     let mut run = Run {
         examples,
         levels: &levels,
         parameters,
         monitor,
         made: Synthesis { field, maps, energy: Vec::new() },
+        done: 0,
+        work: work as f64,
     };
-    let stages = parameters.stages.len();
-    let total = (count * stages) as f64;
     for level in (0..count).rev() {
-        run.enter(level);
-        for (s, &stage) in parameters.stages.iter().enumerate() {
-            let done = ((count - 1 - level) * stages + s) as f64;
-            run.stage(level, stage, key.with((1 + level * stages + s) as u64), done, total)?;
-        }
+        run.level(level, key)?;
     }
     Ok(run.made)
+}
+
+/// Parts of a level that are reported one by one.
+fn steps(plan: &LevelPlan) -> usize {
+    plan.stages.len() + plan.response_steps.iter().filter(|n| **n > 0).count()
 }
 
 /// The output at the coarsest level, before the first pass.
@@ -82,16 +87,38 @@ fn start(
     levels: &Levels,
     parameters: &Parameters,
     key: Key,
-) -> (Field, Vec<MatchMap>) {
+    monitor: &Monitor<'_>,
+) -> Result<(Field, Vec<MatchMap>)> {
     let coarsest = levels.shapes.len() - 1;
     let shape = levels.shapes[coarsest];
     let sources = &levels.exemplars[coarsest];
     let boundary = parameters.boundary;
-    if let (Start::Blocks(block), [source]) = (parameters.start, &sources[..]) {
-        let shortest = source.shape().into_iter().chain(shape).min().unwrap_or(1);
-        let (field, map) = random_blocks(source, shape, block.min(shortest), boundary, key);
-        return (field, vec![map]);
-    }
+    let field = match (parameters.start, &sources[..]) {
+        (Start::Blocks(block), [source]) => {
+            let shortest = source.shape().into_iter().chain(shape).min().unwrap_or(1);
+            let (field, map) = random_blocks(source, shape, block.min(shortest), boundary, key);
+            return Ok((field, vec![map]));
+        }
+        (Start::RandomField, _) => {
+            let targets = targets(examples, sources);
+            random_field(&targets, shape, &pooled_quantiles(&targets), key, monitor)?
+        }
+        _ => random_voxels(sources, shape, key),
+    };
+    let stage = parameters.levels[coarsest].stages[0];
+    let maps = examples.iter().zip(sources).enumerate().map(|(i, (example, source))| {
+        let window = example.extent(stage.window);
+        let lattice = Lattice::new(shape, window, example.extent(stage.step), [0; 3], boundary);
+        let limit = |view: View| std::array::from_fn(|a| view.shape[a] - window[a]);
+        let limits: Vec<Shape> =
+            example.orientations.iter().map(|o| limit(o.view(source.shape()))).collect();
+        random_matches(lattice, &limits, key.with(1 + i as u64))
+    });
+    Ok((field, maps.collect()))
+}
+
+/// Each voxel that of a random place of a random exemplar.
+fn random_voxels(sources: &[Field], shape: Shape, key: Key) -> Field {
     let mut field = Field::zeros(shape, sources[0].channels());
     for voxel in 0..voxels(shape) {
         let key = key.with(voxel as u64);
@@ -101,16 +128,16 @@ fn start(
             field.channel_mut(c)[voxel] = source.channel(c)[from];
         }
     }
-    let stage = parameters.stages[0];
-    let maps = examples.iter().zip(sources).enumerate().map(|(i, (example, source))| {
-        let window = example.extent(stage.window);
-        let lattice = Lattice::new(shape, window, example.extent(stage.step), [0; 3], boundary);
-        let limit = |view: View| std::array::from_fn(|a| view.shape[a] - window[a]);
-        let limits: Vec<Shape> =
-            example.orientations.iter().map(|o| limit(o.view(source.shape()))).collect();
-        random_matches(lattice, &limits, key.with(1 + i as u64))
-    });
-    (field, maps.collect())
+    field
+}
+
+/// What the slices should look like, for images.
+fn targets<'a>(examples: &[Example], sources: &'a [Field]) -> Vec<Target<'a>> {
+    let of_example = |(example, image): (&Example, &'a Field)| {
+        let symmetric = example.orientations.len() > 1;
+        example.normal.map(|axis| Target { axis, image, symmetric, weight: example.weight })
+    };
+    examples.iter().zip(sources).filter_map(of_example).collect()
 }
 
 /// A synthesis under way.
@@ -120,6 +147,16 @@ struct Run<'a> {
     parameters: &'a Parameters,
     monitor: &'a Monitor<'a>,
     made: Synthesis,
+    /// Parts that are done, of all.
+    done: usize,
+    work: f64,
+}
+
+/// What all parts of a level need.
+struct Level<'a> {
+    index: usize,
+    quantiles: Vec<Quantiles>,
+    matching: Option<ResponseMatching<'a>>,
 }
 
 /// One exemplar at one level, ready for one neighbourhood size.
@@ -131,37 +168,96 @@ struct Side<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Brings field and maps to the resolution of a level.
-    fn enter(&mut self, level: usize) {
-        let shape = self.levels.shapes[level];
-        if shape != self.made.field.shape() {
-            self.made.field = pyramid::enlarge(&self.made.field, shape, self.parameters.boundary);
-            for map in &mut self.made.maps {
-                *map = map.doubled(shape);
-            }
-        }
-        self.levels.keep_known(level, &mut self.made.field);
-    }
-
-    /// Iterates with one neighbourhood size until the energy settles.
-    fn stage(&mut self, level: usize, stage: Stage, key: Key, done: f64, total: f64) -> Result<()> {
+    /// Does all of one level.
+    fn level(&mut self, index: usize, key: Key) -> Result<()> {
         let p = self.parameters;
-        let plan = p.levels[level];
-        let sources = &self.levels.exemplars[level];
-        let name = format!("level {level}, window {}", stage.window);
-        self.monitor.report(&*name, done / total);
-        let sides = self.sides(level, stage, key)?;
-        let quantiles: Vec<Quantiles> = (0..sources[0].channels())
+        let plan = &p.levels[index];
+        self.enter(index)?;
+        let sources = &self.levels.exemplars[index];
+        let quantiles = (0..sources[0].channels())
             .map(|c| {
                 let all: Vec<f32> = sources.iter().flat_map(|f| f.channel(c)).copied().collect();
                 Quantiles::new(&all)
             })
             .collect();
+        let matching = match p.filters {
+            Some(bank) => {
+                let size = (self.made.field.channels(), self.made.field.shape());
+                Some(ResponseMatching::new(&targets(self.examples, sources), size, bank)?)
+            }
+            None => None,
+        };
+        let level = Level { index, quantiles, matching };
+        let first = 1 + index * plan.stages.len();
+        let [before, after] = plan.response_steps;
+        self.respond(&level, before, key.with(first as u64).with(u64::MAX))?;
+        for (s, &stage) in plan.stages.iter().enumerate() {
+            self.stage(&level, stage, key.with((first + s) as u64))?;
+        }
+        self.respond(&level, after, key.with(first as u64).with(u64::MAX - 1))
+    }
+
+    /// Brings field and maps to the resolution of a level.
+    fn enter(&mut self, level: usize) -> Result<()> {
+        let shape = self.levels.shapes[level];
+        let Synthesis { field, maps, .. } = &mut self.made;
+        if shape != field.shape() {
+            *field = if self.parameters.filters.is_some() {
+                let mut values = Vec::new();
+                for c in 0..field.channels() {
+                    // Interpolation would leave a lattice, which the responses of few voxels show.
+                    let fine = enlarge(field.channel(c), field.shape(), shape, self.monitor)?;
+                    values.extend(fine);
+                }
+                Field::new(shape, field.channels(), values)?
+            } else {
+                pyramid::enlarge(field, shape, self.parameters.boundary)
+            };
+            for map in maps {
+                *map = map.doubled(shape);
+            }
+        }
+        self.levels.keep_known(level, &mut self.made.field);
+        Ok(())
+    }
+
+    /// Takes steps of response matching.
+    fn respond(&mut self, level: &Level<'_>, steps: usize, key: Key) -> Result<()> {
+        if steps == 0 {
+            return Ok(());
+        }
+        let name = format!("level {}, responses", level.index);
+        for step in 0..steps {
+            let share = step as f64 / steps as f64;
+            self.monitor.report(&*name, (self.done as f64 + share) / self.work);
+            self.response_step(level, key.with(step as u64))?;
+        }
+        self.done += 1;
+        Ok(())
+    }
+
+    fn response_step(&mut self, level: &Level<'_>, key: Key) -> Result<()> {
+        if let Some(matching) = &level.matching {
+            matching.step(&mut self.made.field, &level.quantiles, key, self.monitor)?;
+            self.levels.keep_known(level.index, &mut self.made.field);
+        }
+        Ok(())
+    }
+
+    /// Iterates with one neighbourhood size until the energy settles.
+    fn stage(&mut self, level: &Level<'_>, stage: Stage, key: Key) -> Result<()> {
+        let p = self.parameters;
+        let Level { index, quantiles, .. } = level;
+        let index = *index;
+        let plan = &p.levels[index];
+        let cold = self.made.energy.is_empty();
+        let name = format!("level {index}, window {}", stage.window);
+        self.monitor.report(&*name, self.done as f64 / self.work);
+        let sides = if plan.iterations > 0 { self.sides(index, stage, key)? } else { Vec::new() };
         let mut factor = 1.0f32;
         let (mut before, mut lowest, mut stale) = (f64::INFINITY, f64::INFINITY, 0);
         for iteration in 0..plan.iterations {
             let key = key.with(2 + iteration as u64);
-            let cold = done == 0.0;
             let mut found = Vec::with_capacity(sides.len());
             for (i, side) in sides.iter().enumerate() {
                 let passes = match (iteration, side.backend.improves()) {
@@ -171,7 +267,7 @@ impl<'a> Run<'a> {
                 };
                 // The first exemplar's key is the iteration's own.
                 let key = if i == 0 { key } else { key.with(i as u64) };
-                found.push(self.search(level, stage, (i, side), passes, key)?);
+                found.push(self.search(index, stage, (i, side), passes, key)?);
             }
             let (data, gradient) = energy(&found, p.gradient);
             let energy = data + gradient;
@@ -181,9 +277,11 @@ impl<'a> Run<'a> {
             } else if p.adaptive && energy > (1.0 + SAME) * before {
                 factor *= 1.0 - DECAY;
             }
-            self.optimise(level, &sides, &weights(&found, factor), &quantiles)?;
+            self.optimise(index, &sides, &weights(&found, factor), quantiles)?;
+            // Beyond the iterations' own keys, whatever their number.
+            self.response_step(level, key.with(u64::MAX))?;
             self.made.energy.push(EnergyRecord {
-                level,
+                level: index,
                 window: stage.window,
                 iteration,
                 energy,
@@ -192,13 +290,14 @@ impl<'a> Run<'a> {
                 factor,
             });
             let share = (iteration + 1) as f64 / plan.iterations as f64;
-            self.monitor.report(&*name, (done + share) / total);
+            self.monitor.report(&*name, (self.done as f64 + share) / self.work);
             stale = if energy < (1.0 - f64::from(p.tolerance)) * lowest { 0 } else { stale + 1 };
             if stale == p.patience {
                 break;
             }
             (before, lowest) = (energy, lowest.min(energy));
         }
+        self.done += 1;
         Ok(())
     }
 
@@ -292,7 +391,7 @@ impl<'a> Run<'a> {
             .zip(weights)
             .map(|((source, map), weights)| Part { source, map, weights })
             .collect();
-        let LevelPlan { mixing, mode_steps, .. } = p.levels[level];
+        let &LevelPlan { mixing, mode_steps, .. } = &p.levels[level];
         let first = if mode_steps > 0 { Mixing::MEAN } else { mixing };
         let gradients = blend(&parts, first, field, self.monitor)?;
         for _ in 0..mode_steps {

@@ -21,6 +21,8 @@ pub mod parameters;
 pub mod pca;
 pub mod poisson;
 pub mod pyramid;
+pub mod random_field;
+pub mod responses;
 pub mod search;
 pub mod symmetry;
 pub mod windows;

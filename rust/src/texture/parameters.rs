@@ -3,6 +3,7 @@
 use super::blend::Mixing;
 use super::field::Field;
 use super::match_map::MatchMap;
+use super::responses::FilterBank;
 use super::symmetry::Orientation;
 use crate::error::{Error, Result};
 use crate::volume::{Boundary, Shape, voxels};
@@ -48,10 +49,14 @@ pub struct Stage {
 }
 
 /// What is done at one level of the pyramid.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct LevelPlan {
+    /// Neighbourhood sizes, one after the other.
+    pub stages: Vec<Stage>,
     /// Most iterations of a window.
     pub iterations: usize,
+    /// Steps of response matching before the first window and after the last.
+    pub response_steps: [usize; 2],
     /// How matches are found.
     pub backend: Backend,
     /// How windows become a volume.
@@ -68,6 +73,8 @@ pub enum Start {
     Blocks(usize),
     /// Random voxels of the exemplars (prieto_2011 §2.1).
     Voxels,
+    /// A Gaussian random field with the images' covariance and histogram.
+    RandomField,
 }
 
 /// What keeps some voxels of the exemplars from being used more than others.
@@ -108,7 +115,6 @@ pub enum IndexWeight {
 #[allow(missing_docs)]
 pub struct Parameters {
     pub levels: Vec<LevelPlan>,
-    pub stages: Vec<Stage>,
     pub tolerance: f32,
     pub patience: usize,
     pub start: Start,
@@ -116,6 +122,9 @@ pub struct Parameters {
     pub variance: f32,
     pub emphasis: Emphasis,
     pub match_histogram: bool,
+    /// Filters of response matching, of which a step also follows every iteration of a window; a
+    /// periodic output of images only.
+    pub filters: Option<FilterBank>,
     pub index_weight: IndexWeight,
     pub run_penalty: f32,
     pub run_reach: usize,
@@ -187,14 +196,23 @@ impl Parameters {
             let allowed = "must be given, and all have the same channels";
             return Err(Error::parameter("exemplars", examples.len(), allowed));
         }
-        if p.levels.is_empty() || p.stages.is_empty() || p.components == 0 {
+        if p.levels.iter().any(|plan| plan.stages.is_empty())
+            || p.levels.is_empty()
+            || p.components == 0
+        {
             return Err(Error::parameter(
                 "levels, stages, components",
-                (p.levels.len(), p.stages.len(), p.components),
+                (p.levels.len(), p.components),
                 "must be at least 1",
             ));
         }
-        for stage in &p.stages {
+        let images = examples.iter().all(|example| example.normal.is_some());
+        let fourier = p.filters.is_some() || p.start == Start::RandomField;
+        if fourier && !(images && p.boundary == Boundary::Periodic) {
+            let allowed = "must be periodic, and made of images, where responses are matched";
+            return Err(Error::parameter("boundary", p.boundary, allowed));
+        }
+        for stage in p.levels.iter().flat_map(|plan| &plan.stages) {
             if stage.step == 0 || stage.step > stage.window {
                 return Err(Error::parameter("step", stage.step, "must be from 1 to the window"));
             }

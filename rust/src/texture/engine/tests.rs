@@ -22,7 +22,9 @@ fn exemplar(channels: usize) -> Field {
 }
 
 fn plan(iterations: usize, backend: Backend) -> LevelPlan {
-    LevelPlan { iterations, backend, mixing: Mixing::MEAN, mode_steps: 0 }
+    let stages = vec![Stage { window: 6, step: 3 }, Stage { window: 4, step: 2 }];
+    let response_steps = [0; 2];
+    LevelPlan { stages, iterations, response_steps, backend, mixing: Mixing::MEAN, mode_steps: 0 }
 }
 
 /// As many iterations of coherent search at each of so many levels.
@@ -38,7 +40,6 @@ fn alone(field: Field) -> [Example; 1] {
 fn parameters() -> Parameters {
     Parameters {
         levels: plans(2, 3),
-        stages: vec![Stage { window: 6, step: 3 }, Stage { window: 4, step: 2 }],
         tolerance: 0.0,
         patience: 3,
         start: Start::Blocks(6),
@@ -46,6 +47,7 @@ fn parameters() -> Parameters {
         variance: 0.95,
         emphasis: Emphasis::None,
         match_histogram: true,
+        filters: None,
         index_weight: IndexWeight::Off,
         run_penalty: 0.3,
         run_reach: 6,
@@ -221,12 +223,10 @@ fn what_does_not_fit_is_refused() {
     let none = Constraints::default;
     refuse(Parameters { levels: plans(3, 1), ..parameters() }, SHAPE, none());
     refuse(Parameters { levels: Vec::new(), ..parameters() }, SHAPE, none());
-    refuse(Parameters { stages: Vec::new(), ..parameters() }, SHAPE, none());
-    refuse(
-        Parameters { stages: vec![Stage { window: 4, step: 5 }], ..parameters() },
-        SHAPE,
-        none(),
-    );
+    for stages in [Vec::new(), vec![Stage { window: 4, step: 5 }]] {
+        let levels = vec![LevelPlan { stages, ..plan(1, Backend::Coherent) }];
+        refuse(Parameters { levels, ..parameters() }, SHAPE, none());
+    }
     refuse(parameters(), [11, 13, 19], none());
     refuse(parameters(), [0, 13, 19], none());
     refuse(parameters(), [1 << 20, 13, 19], none());
@@ -235,11 +235,9 @@ fn what_does_not_fit_is_refused() {
 
 #[test]
 fn an_output_of_the_window_itself_works() {
-    let p = Parameters {
-        levels: plans(1, 3),
-        stages: vec![Stage { window: 4, step: 2 }],
-        ..parameters()
-    };
+    let stages = vec![Stage { window: 4, step: 2 }];
+    let levels = vec![LevelPlan { stages, ..plan(3, Backend::Coherent) }];
+    let p = Parameters { levels, ..parameters() };
     for boundary in [Boundary::Open, Boundary::Periodic] {
         let p = Parameters { boundary, ..p.clone() };
         let made = synthesize(

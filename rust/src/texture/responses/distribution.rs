@@ -1,0 +1,133 @@
+//! Distributions of responses, and the monotone map from one to another.
+
+/// Bins of a distribution: a hundredth of a standard deviation or less, for responses whose range is
+/// 20 of them or less.
+pub(super) const BINS: usize = 2048;
+
+/// Smallest and largest of some values; infinities the wrong way round where there are none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Range {
+    pub low: f32,
+    pub high: f32,
+}
+
+impl Range {
+    pub const EMPTY: Self = Self { low: f32::INFINITY, high: f32::NEG_INFINITY };
+
+    pub fn join(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    /// Of values.
+    pub fn of(values: &[f32]) -> Self {
+        values.iter().fold(Self::EMPTY, |range, &v| range.join(Self { low: v, high: v }))
+    }
+
+    /// Bins a unit of value; 0 where all values are one.
+    pub fn scale(self) -> f32 {
+        let scale = BINS as f32 / (self.high - self.low);
+        if scale.is_finite() { scale } else { 0.0 }
+    }
+}
+
+/// Counts values in the bins of a range.
+#[inline(always)]
+pub(super) fn count(values: &[f32], low: f32, scale: f32, counts: &mut [u32; BINS]) {
+    for &v in values {
+        // A negative number becomes 0.
+        let bin = ((v - low) * scale) as u32 as usize;
+        counts[bin.min(BINS - 1)] += 1;
+    }
+}
+
+/// A histogram, even within its bins.
+#[derive(Debug, Clone)]
+pub(super) struct Distribution {
+    range: Range,
+    /// Values below each edge of the bins.
+    below: Vec<u64>,
+}
+
+impl Distribution {
+    pub fn new(range: Range, counts: &[u32]) -> Self {
+        let mut total = 0;
+        let sums = counts.iter().map(|&n| {
+            total += u64::from(n);
+            total
+        });
+        let below = std::iter::once(0).chain(sums).collect();
+        Self { range, below }
+    }
+
+    fn total(&self) -> u64 {
+        self.below[BINS]
+    }
+
+    fn width(&self) -> f64 {
+        (f64::from(self.range.high) - f64::from(self.range.low)) / BINS as f64
+    }
+
+    /// Value at a place in bins.
+    fn value(&self, place: f64) -> f64 {
+        f64::from(self.range.low) + place * self.width()
+    }
+}
+
+/// What to add to a value of one distribution to make it the value of the same rank of another.
+///
+/// Linear within each bin: a start and a slope for each.
+#[derive(Debug, Clone)]
+pub(super) struct Correction {
+    low: f32,
+    scale: f32,
+    table: Vec<[f32; 2]>,
+}
+
+impl Correction {
+    pub fn new(from: &Distribution, to: &Distribution) -> Self {
+        let ratio = to.total() as f64 / from.total().max(1) as f64;
+        let mut table = vec![[0.0; 2]; BINS];
+        // The bin of the target in which the rank lies.
+        let mut bin = 0;
+        let rank_in = |bin: usize, rank: f64| {
+            let (low, high) = (to.below[bin] as f64, to.below[bin + 1] as f64);
+            bin as f64 + if high > low { ((rank - low) / (high - low)).min(1.0) } else { 1.0 }
+        };
+        for (i, (entry, below)) in table.iter_mut().zip(from.below.windows(2)).enumerate() {
+            if below[0] == below[1] {
+                continue;
+            }
+            let ranks = [below[0], below[1]].map(|n| n as f64 * ratio);
+            // A rank on a step of several values is the last of them as a bin's start, …
+            while bin < BINS - 1 && to.below[bin + 1] as f64 <= ranks[0] {
+                bin += 1;
+            }
+            let start = to.value(rank_in(bin, ranks[0]));
+            // … and the first of them as its end.
+            while bin < BINS - 1 && (to.below[bin + 1] as f64) < ranks[1] {
+                bin += 1;
+            }
+            let end = to.value(rank_in(bin, ranks[1]));
+            *entry = [start - from.value(i as f64), end - start - from.width()].map(|v| v as f32);
+        }
+        if from.range.scale() == 0.0 {
+            // One value, in the first bin: it becomes the median.
+            let middle = to.below.partition_point(|&n| 2 * n < to.total()).clamp(1, BINS) - 1;
+            let median = to.value(rank_in(middle, to.total() as f64 / 2.0));
+            table[0] = [(median - f64::from(from.range.low)) as f32, 0.0];
+        }
+        Self { low: from.range.low, scale: from.range.scale(), table }
+    }
+
+    /// Replaces values by what is to be added to them; returns the sum of its squares.
+    #[inline(always)]
+    pub fn apply(&self, values: &mut [f32]) {
+        let table = &self.table[..BINS];
+        for v in values {
+            let place = (*v - self.low) * self.scale;
+            let bin = (place as u32 as usize).min(BINS - 1);
+            let [start, slope] = table[bin];
+            *v = start + (place - bin as f32) * slope;
+        }
+    }
+}

@@ -1,0 +1,57 @@
+"""Slice response matching, its start, and the periodic enlargement."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+from tests.references import response_matching as twin
+from tests.references.random_key import Key
+
+from poresynth import _core
+from poresynth.errors import ParameterError
+
+Image = tuple[int, np.ndarray, bool, float]
+
+
+def smooth(shape: tuple[int, ...], seed: int, sigma: float = 1.0) -> np.ndarray:
+    noise = np.random.default_rng(seed).random(shape)
+    blurred = ndimage.gaussian_filter(noise, sigma, mode="wrap")
+    return (255 * (blurred - blurred.min()) / np.ptp(blurred)).astype(np.float32)
+
+
+def match(
+    volume: np.ndarray, images: list[Image], **change: int
+) -> tuple[np.ndarray, list[float]]:
+    options = {"steps": 1, "filters": 4, "edge": 4, "seed": 3, **change}
+    return _core.match_responses(volume, images, **options)
+
+
+def alike(images: list[np.ndarray]) -> list[Image]:
+    return [(axis, image, True, 1.0) for axis, image in enumerate(images)]
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("axes", [(0, 1, 2), (2,), (1, 0)])
+def test_a_step_equals_the_numpy_twin(channels: int, axes: tuple[int, ...]) -> None:
+    shape, edge, filters, seed = (9, 20, 6), 3, 5, 7
+    volume = np.stack([smooth(shape, c) for c in range(channels)])
+    images: list[Image] = []
+    for axis in axes:
+        image = np.stack([smooth((11 + axis, 9), 10 * axis + c) for c in range(channels)])
+        images.append((axis, image, axis != 1, 1.0 + axis))
+    got, energies = _core.match_responses(
+        volume, images, steps=1, filters=filters, edge=edge, seed=seed
+    )
+    want, energy = twin.step(
+        volume.astype(float), images, filters, edge, Key.new(seed).with_(0)
+    )
+    assert energies[0] == pytest.approx(energy, rel=5e-3)
+    for c in range(channels):
+        values = np.concatenate([image[c].ravel() for _, image, *_ in images])
+        ranks = np.argsort(np.argsort(want[c].ravel())) / (want[c].size - 1)
+        matched = np.quantile(values, ranks).reshape(shape)
+        off = np.abs(got[c] - matched)
+        assert off.mean() < 1.0

@@ -1,0 +1,133 @@
+"""Slow NumPy twin of slice response matching: filters as sums of shifted copies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from tests.references.random_key import Key
+
+BINS = 2048
+Target = tuple[int, np.ndarray, bool, float]
+
+
+def normal(key: Key, index: int) -> float:
+    bits = key.bits(index)
+    radius = np.sqrt(-2 * np.log(((bits >> 32) + 1) / 2**32))
+    return float(radius * np.cos(2 * np.pi * (bits & 0xFFFFFFFF) / 2**32))
+
+
+def rotation(n: int, key: Key) -> np.ndarray:
+    """Orthonormal rows: normal vectors, made orthogonal one after the other."""
+    if n == 1:
+        return np.ones((1, 1))
+    basis: list[np.ndarray] = []
+    for row in range(n):
+        v = np.array([normal(key.with_(row), i) for i in range(n)])
+        for b in basis:
+            v = v - (v @ b) * b
+        basis.append(v / np.linalg.norm(v))
+    return np.array(basis)
+
+
+def draw(images: Sequence[np.ndarray], edge: int, difference: bool, key: Key) -> tuple:
+    """A unit filter (edge, edge) and its directions in channel space, one a row."""
+    directions = rotation(len(images[0]), key.with_(0))
+    taps = np.zeros((edge, edge))
+    if difference:
+        patches = key.with_(2)
+        image = np.tensordot(directions[0], images[patches.below(0, len(images))], 1)
+        (y0, x0), (y1, x1) = (
+            (
+                patches.below(i, image.shape[0] - edge + 1),
+                patches.below(i + 1, image.shape[1] - edge + 1),
+            )
+            for i in (1, 3)
+        )
+        taps = image[y0 : y0 + edge, x0 : x0 + edge] - image[y1 : y1 + edge, x1 : x1 + edge]
+    if not taps.any():
+        noise = [normal(key.with_(1), i) for i in range(edge * edge)]
+        taps = np.array(noise).reshape(edge, edge)
+    return taps / np.linalg.norm(taps), directions
+
+
+def cumulative(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Edges of the bins and shares of the values below them."""
+    low, high = values.min(), values.max()
+    if low == high:
+        return np.array([low, high]), np.array([0.0, 1.0])
+    bins = np.clip(((values - low) / (high - low) * BINS).astype(int), 0, BINS - 1)
+    counts = np.bincount(bins, minlength=BINS)
+    return np.linspace(low, high, BINS + 1), np.r_[0.0, np.cumsum(counts) / values.size]
+
+
+def transported(values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Values of the same rank of another distribution, both even within their bins."""
+    edges, below = cumulative(values.ravel())
+    if edges[0] == edges[-1]:
+        ranks = np.full(values.shape, 0.5)
+    else:
+        ranks = np.interp(values, edges, below)
+    edges, below = cumulative(wanted)
+    return np.interp(ranks, *first_of_equal(below, edges))
+
+
+def first_of_equal(below: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    # Steps over empty bins, so that ranks are strictly ascending but for rounding.
+    return below + np.arange(len(below)) * 1e-15, edges
+
+
+def responses_inside(image: np.ndarray, taps: np.ndarray) -> np.ndarray:
+    windows = np.lib.stride_tricks.sliding_window_view(image, taps.shape)
+    return (windows * taps).sum((2, 3)).ravel()
+
+
+def symmetries(taps: np.ndarray, symmetric: bool) -> list[np.ndarray]:
+    if not symmetric:
+        return [taps]
+    return [np.rot90(t, k) for t in (taps, taps.T) for k in range(4)]
+
+
+def correlated(volume: np.ndarray, taps: np.ndarray, axis: int) -> np.ndarray:
+    axes = [a for a in range(3) if a != axis]
+    return sum(
+        tap * np.roll(volume, (-j, -i), axes) for (j, i), tap in np.ndenumerate(taps)
+    )
+
+
+def spread(values: np.ndarray, taps: np.ndarray, axis: int) -> np.ndarray:
+    axes = [a for a in range(3) if a != axis]
+    return sum(tap * np.roll(values, (j, i), axes) for (j, i), tap in np.ndenumerate(taps))
+
+
+def power(taps: np.ndarray, axis: int, shape: tuple[int, ...]) -> np.ndarray:
+    """|F̂|² by wave number, the same along the axis."""
+    kernel = np.zeros(shape)
+    kernel[0, 0, 0] = 1
+    return np.abs(np.fft.fftn(spread(kernel, taps, axis))) ** 2
+
+
+def step(
+    volume: np.ndarray, targets: Sequence[Target], filters: int, edge: int, key: Key
+) -> tuple[np.ndarray, float]:
+    """One step on a volume (channel, z, y, x), without the matching of its values."""
+    images = [image for _, image, *_ in targets]
+    bank = [
+        draw(images, edge, 2 * k >= filters, key.with_(0).with_(k)) for k in range(filters)
+    ]
+    asked = np.zeros(volume.shape)
+    seen = np.zeros(volume.shape[1:])
+    squares = []
+    for axis, image, symmetric, weight in targets:
+        for taps, directions in bank:
+            seen += weight * power(taps, axis, volume.shape[1:])
+            for direction in directions:
+                found = correlated(np.tensordot(direction, volume, 1), taps, axis)
+                mixed = np.tensordot(direction, image, 1)
+                wanted = [responses_inside(mixed, t) for t in symmetries(taps, symmetric)]
+                change = transported(found, np.concatenate(wanted)) - found
+                squares.append((change**2).mean())
+                back = weight * spread(change, taps, axis)
+                asked += direction[:, None, None, None] * back
+    spectrum = np.fft.fftn(asked, axes=(1, 2, 3)) / (seen + 0.05 * seen.mean())
+    return volume + np.fft.ifftn(spectrum, axes=(1, 2, 3)).real, float(np.mean(squares))
