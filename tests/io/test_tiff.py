@@ -280,3 +280,44 @@ def test_reading_leaves_no_log_handler(tmp_path: Path) -> None:
     with pytest.raises(FileError):
         read(tmp_path / "b.tif")
     assert logging.getLogger("tifffile").handlers == before
+
+
+def with_palette(path: Path, values: np.ndarray, colours: list[int]) -> None:
+    image = Image.fromarray(values).convert("P")
+    image.putpalette(colours)
+    image.save(path)
+
+
+def test_the_palette_of_an_image_is_expanded(tmp_path: Path) -> None:
+    phases = np.random.default_rng(0).integers(0, 3, (6, 8)).astype(np.uint8)
+    with_palette(tmp_path / "colour.tif", phases, [255, 0, 0, 0, 254, 0, 0, 0, 253])
+    found = read(tmp_path / "colour.tif").array
+    np.testing.assert_array_equal(found[0], np.diag([255, 254, 253]).astype(np.uint8)[phases])
+    assert found.dtype == np.uint8
+    with_palette(tmp_path / "gray.tif", phases, [0, 0, 0, 127, 127, 127, 254, 254, 254])
+    np.testing.assert_array_equal(read(tmp_path / "gray.tif").array[0], phases * 127)
+
+
+@pytest.mark.parametrize("options", [{"imagej": True}, {"ome": True}, {}])
+def test_a_palette_over_measured_values_is_left_alone(
+    options: dict[str, Any], tmp_path: Path
+) -> None:
+    colours = np.random.default_rng(1).integers(0, 65535, (3, 256)).astype(np.uint16)
+    more = {} if "imagej" in options else {"photometric": "palette"}
+    tifffile.imwrite(tmp_path / "a.tif", VOXELS[0], colormap=colours, **options, **more)
+    np.testing.assert_array_equal(read(tmp_path / "a.tif").array[0], VOXELS[0])
+
+
+def test_the_palettes_of_a_stack_are_left_alone(tmp_path: Path) -> None:
+    pages = [Image.fromarray(page).convert("P") for page in VOXELS]
+    for page in pages:
+        page.putpalette([255, 0, 0, 0, 255, 0])
+    pages[0].save(tmp_path / "a.tif", save_all=True, append_images=pages[1:])
+    np.testing.assert_array_equal(read(tmp_path / "a.tif").array, VOXELS)
+
+
+@pytest.mark.parametrize("mode", ["RGBA", "LA", "PA"])
+def test_alpha_of_pillow_is_refused_as_in_png(mode: str, tmp_path: Path) -> None:
+    Image.fromarray(VOXELS[0]).convert("RGBA").convert(mode).save(tmp_path / "a.tif")
+    with pytest.raises(FileError, match=r"a\.tif: has transparency .*convert\('RGB'\)"):
+        read(tmp_path / "a.tif")

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from poresynth.errors import ParameterError
 from poresynth.io import header
+from poresynth.io.colours import TRANSPARENT, gray_if_it_can_be
 from poresynth.io.format import Content, Format, FormatError
 
 if TYPE_CHECKING:
@@ -35,14 +36,9 @@ def _read(path: Path) -> Content:
 def _voxels(image: Image) -> npt.NDArray[Any]:
     """Return (y, x) or (y, x, channel)."""
     if image.mode in ("LA", "La", "PA", "RGBA", "RGBa") or "transparency" in image.info:
-        raise FormatError(
-            "has transparency (an alpha channel), which has no meaning here; remove it, in "
-            "ImageJ by Image > Type > RGB Color, in Python by PIL.Image.open(…).convert('RGB')"
-        )
+        raise FormatError(TRANSPARENT)
     if image.mode == "P":
-        colours = np.asarray(image.convert("RGB"))
-        gray = (colours == colours[..., :1]).all()
-        return colours[..., 0] if gray else colours
+        return gray_if_it_can_be(np.asarray(image.convert("RGB")))
     if image.mode == "I;16B":
         return np.asarray(image, dtype=np.uint16)
     if image.mode not in _PLAIN:

@@ -96,12 +96,14 @@ def read(
 
     Notes
     -----
-    An image is a volume of one slice: (1, y, x[, channel]). A palette is expanded in PNG and BMP;
-    in TIFF, where it is but a way to look at the values, it is left alone. A scale is taken from
-    a TIFF only where ImageJ, OME or tifffile wrote one: the resolution tags alone are the
-    printing resolution of most programs. MetaImage, NRRD and NIfTI say millimetres, and edges of
-    exactly 1 there mean that the scale is unknown. Peak memory: none beyond the array where it is
-    mapped, else the array (twice for NIfTI, VTI, bool stored as uint8 and other byte orders).
+    An image is a volume of one slice: (1, y, x[, channel]); arrays (y, x, channel) of NPY, NPZ, RAW
+    and Zarr are read as they stand, as (z, y, x). A palette is expanded to its colours, or grays;
+    in stacks, and in the TIFF files of ImageJ, OME and tifffile, where it is but a way to look at
+    the values, it is left alone. A scale is taken from a TIFF only where ImageJ, OME or tifffile
+    wrote one: the resolution tags alone are the printing resolution of most programs. MetaImage,
+    NRRD and NIfTI say millimetres, and edges of exactly 1 there mean that the scale is unknown.
+    Peak memory: none beyond the array where it is mapped, else the array (twice for NIfTI, VTI,
+    bool stored as uint8 and other byte orders).
     """
     given, path = path, Path(path)
     format_ = _format_of(given, path)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from poresynth.errors import MissingExtraError, ParameterError
 from poresynth.io import header
+from poresynth.io.colours import TRANSPARENT, gray_if_it_can_be
 from poresynth.io.format import FLOATS, NARROW, Content, Format, FormatError
 from poresynth.io.units import NANOMETRES, convert, spell
 
@@ -29,6 +30,9 @@ _IMAGEJ = ("uint8", "uint16", "float32")
 
 # Beyond it the offsets of a classic TIFF overflow; the rest of 4 GiB is left to its metadata.
 _CLASSIC = 2**32 - 2**25
+
+# Tag 262, PhotometricInterpretation: the values are numbers of colours.
+_PALETTE = 3
 
 # Programs that write a volume without naming its axes make its slices channels: more than these,
 # without any other stack, are slices.
@@ -54,6 +58,8 @@ def _read(path: Path) -> Content:
                 raise MissingExtraError(f"{path}: its compression", "io") from error
             raise
         array = _arrange(array, series.axes, file.pages[0])
+        if _is_picture(file):
+            array = _colours(array, file.pages[0])
         size, unit = _scale(file)
         return Content(array, size, unit, _header(file))
 
@@ -72,10 +78,7 @@ def _arrange(array: npt.NDArray[Any], axes: str, page: Any) -> npt.NDArray[Any]:
     """Return an array of any TIFF axes as (z, y, x[, channel])."""
     extra = page.tags.get("ExtraSamples")
     if "S" in axes and extra is not None and any(int(e) in (1, 2) for e in np.ravel(extra.value)):
-        raise FormatError(
-            "has transparency (an alpha channel), which has no meaning here; "
-            "remove it, in ImageJ by Image > Type > RGB Color"
-        )
+        raise FormatError(TRANSPARENT)
     # Axes of one entry say nothing; what else is not a channel is the stack.
     keep = [i for i, n in enumerate(array.shape) if n > 1 or axes[i] in "YX"]
     array, axes = array.reshape([array.shape[i] for i in keep]), "".join(axes[i] for i in keep)
@@ -90,6 +93,21 @@ def _arrange(array: npt.NDArray[Any], axes: str, page: Any) -> npt.NDArray[Any]:
     if page.photometric == 0:  # White is zero; here the bright end is the high one.
         array = ~array if array.dtype.kind in "bu" else array
     return array if stack else array[np.newaxis]
+
+
+def _is_picture(file: tifffile.TiffFile) -> bool:
+    """Whether a file is one image whose values are numbers of colours in a palette.
+
+    In a stack, and in the files of ImageJ, OME and tifffile, a palette is a way to look at values.
+    """
+    page: Any = file.pages[0]
+    of_the_field = file.is_imagej or file.is_ome or file.is_shaped
+    return len(file.pages) == 1 and page.photometric == _PALETTE and not of_the_field
+
+
+def _colours(array: npt.NDArray[Any], page: Any) -> npt.NDArray[Any]:
+    """Return the colours, of 8 bits, that the values stand for."""
+    return gray_if_it_can_be((page.colormap >> 8).astype(np.uint8).T[array])
 
 
 def _check_complete(file: tifffile.TiffFile) -> None:
