@@ -13,6 +13,7 @@ from skimage.measure import block_reduce
 import poresynth
 from poresynth.errors import ParameterError
 from poresynth.preprocess import (
+    as_image,
     binarize,
     crop,
     downsample,
@@ -68,6 +69,34 @@ def test_crop_is_a_view_of_the_kind_given() -> None:
 def test_crop_checks_its_box(start: Any, shape: Any, said: str) -> None:
     with pytest.raises(ParameterError, match=said):
         crop(GRAY, start, shape)
+
+
+# Images
+
+
+@pytest.mark.parametrize(
+    ("axis", "size"), [(0, (3, 2, 1)), (1, (2, 3, 1)), (2, (1, 3, 2))], ids=["z", "y", "x"]
+)
+def test_a_thin_volume_becomes_an_image(axis: int, size: tuple[int, int, int]) -> None:
+    thin = GRAY.take([4], axis=axis)
+    image = as_image(Volume(thin, **SCALE))
+    np.testing.assert_array_equal(image.array[0], GRAY.take(4, axis=axis))
+    assert (image.voxel_size, image.unit, image.metadata) == (size, "µm", {"a": 1})
+    assert np.shares_memory(as_image(thin), thin)
+    coloured = np.stack([thin, 255 - thin], axis=3)
+    np.testing.assert_array_equal(as_image(coloured)[..., 1], 255 - as_image(thin))
+
+
+def test_an_image_stays_as_it_is() -> None:
+    for array in (GRAY[:1], GRAY[:1, :1], GRAY[:1, :, :1]):
+        np.testing.assert_array_equal(as_image(array), array)
+
+
+def test_a_thick_volume_is_no_image() -> None:
+    with pytest.raises(ParameterError, match=r"volume.shape = \(8, 9, 10\): must be one voxel"):
+        as_image(GRAY)
+    with pytest.raises(ParameterError, match="must be one voxel thick"):
+        as_image(GRAY[..., np.newaxis])
 
 
 # Down-sampling

@@ -15,6 +15,7 @@ from poresynth.volume import Volume, as_volume
 
 __all__ = [
     "MOST_LABELS",
+    "as_image",
     "binarize",
     "crop",
     "downsample",
@@ -68,6 +69,39 @@ def crop(volume: _Voxels, start: Sequence[int], shape: Sequence[int]) -> _Voxels
         raise ParameterError("shape", edges, allowed)
     box = tuple(slice(c, e) for c, e in zip(corner, end, strict=True))
     return _like(volume, whole.array[box], whole.voxel_size)
+
+
+def as_image(volume: _Voxels) -> _Voxels:
+    """Turn a volume that is one voxel thick, along whichever axis, into an image.
+
+    Parameters
+    ----------
+    volume : Volume or numpy.ndarray
+        Shape (z, y, x) or (z, y, x, channel), with an edge of one voxel.
+
+    Returns
+    -------
+    Volume or numpy.ndarray
+        Of the kind that was given; a view of shape (1, y, x[, channel]). The two long axes keep
+        their order, and the edges of a voxel go with their axes.
+
+    Raises
+    ------
+    ParameterError
+        If no edge is one voxel long.
+
+    Notes
+    -----
+    Peak memory: none.
+    """
+    whole = as_volume(volume)
+    if 1 not in whole.shape:
+        raise ParameterError("volume.shape", whole.shape, "must be one voxel thick along an axis")
+    axis = whole.shape.index(1)
+    size = list(whole.voxel_size)
+    size.insert(0, size.pop(axis))
+    z, y, x = size
+    return _like(volume, np.moveaxis(whole.array, axis, 0), (z, y, x))
 
 
 def downsample(volume: _Voxels, factor: int, labels: bool | None = None) -> _Voxels:
