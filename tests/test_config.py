@@ -110,7 +110,9 @@ def test_a_configuration_is_frozen() -> None:
         ({"engine": "magic"}, "engine = magic: must be one of volume"),
         ({"input": {"voxel_size": [1, 2, float("inf")]}}, "input.voxel_size"),
         ({"input": 3}, "input = 3"),
-        ({"exemplar": None}, "exemplar"),
+        ({"exemplar": None}, "exemplar = None: must be a text or a list of texts"),
+        ({"exemplar": []}, "exemplar = []: must be a text or a list of texts"),
+        ({"exemplar": ["a.png", 3]}, "exemplar = 3"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(change: dict[str, Any], says: str) -> None:
@@ -136,16 +138,37 @@ def test_a_saved_configuration_is_the_same_configuration() -> None:
         "input": {"crop": ["0:50", ":", ":"], "voxel_size": [2, 1, 1]},
     }
     run = config.validate(document)
-    saved = json.loads(json.dumps(run.saved("abc")))
+    saved = json.loads(json.dumps(run.saved(("abc",))))
     again = config.validate(saved)
-    assert again.exemplar_sha256 == "abc"
+    assert again.exemplar_sha256 == ("abc",)
     assert again.version is not None
     neutral = {"exemplar_sha256": None, "version": None}
     assert again.model_copy(update=neutral) == run
 
 
+def test_one_exemplar_needs_no_list() -> None:
+    alone, listed = (config.validate({**LEAST, "exemplar": e}) for e in ("a.tif", ["a.tif"]))
+    assert alone == listed
+    assert alone.exemplar == ("a.tif",)
+    # As files were written when there was never more than one, and are read by other programs.
+    saved = alone.saved(("abc",))
+    assert (saved["exemplar"], saved["exemplar_sha256"]) == ("a.tif", "abc")
+
+
+def test_several_exemplars_are_saved_and_loaded(tmp_path: Path) -> None:
+    run = config.validate({**LEAST, "exemplar": ["a.png", "b c.png"]})
+    path = tmp_path / "new.tif.json"
+    document = {"poresynth": {"configuration": run.saved(("abc", "def"))}}
+    path.write_text(json.dumps(document))
+    again = config.validate(config.load(path))
+    assert again.exemplar == ("a.png", "b c.png")
+    assert again.exemplar_sha256 == ("abc", "def")
+    words = shlex.split(again.command("new.tif"))
+    assert words[:6] == ["poresynth", "synthesize", "a.png", "b c.png", "-o", "new.tif"]
+
+
 def test_a_saved_configuration_keeps_what_later_defaults_may_change() -> None:
-    assert {"engine", "seed"} <= set(config.validate(LEAST).saved("abc"))
+    assert {"engine", "seed"} <= set(config.validate(LEAST).saved(("abc",)))
 
 
 def test_the_command_says_all() -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from poresynth import config, io, metrics
 from poresynth.cli import main
+from poresynth.engines import ENGINES
 from poresynth.exemplars import spinodal
 from poresynth.io.registry import formats
 
@@ -54,15 +55,28 @@ def test_make_knows_every_target() -> None:
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
 
 
-def test_the_commands_run(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(folder)
-    for line in small(blocks("bash")[0]).splitlines():
+def run_commands(code: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for line in small(code).splitlines():
         words = shlex.split(line, comments=True)
         if words:
             assert words[0] == "poresynth"
             assert main(words[1:]) == 0, f"{line}\n{capsys.readouterr().err}"
+
+
+@pytest.mark.skipif("solid" not in ENGINES, reason="there is no engine that learns from images")
+def test_the_commands_for_images_run(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    run_commands(TEXT.split("### From images")[1].split("```bash")[1].split("```")[0], capsys)
+    assert io.read("solid.tif").shape == io.read("directed.tif").shape == (EDGE, EDGE, EDGE)
+
+
+def test_the_commands_run(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    run_commands(blocks("bash")[0], capsys)
     for name in ("new.tif", "tile.tif", "again.tif", "figures.json", "out/report.html"):
         assert Path(name).exists(), name
 

@@ -49,12 +49,11 @@ Input = Annotated[InputConfig | None, Parameter(name="*", group=Group("Reading E
 
 @app.command
 def synthesize(
-    exemplar: Path | None = None,
-    /,
-    *,
+    *exemplar: Path,
     output: Output,
     shape: tuple[int, int, int] | None = None,
     engine: str | None = None,
+    axes: Annotated[list[Literal["z", "y", "x"]] | None, Parameter(consume_multiple=(1, 3))] = None,
     preset: str | None = None,
     seed: int | None = None,
     periodic: Annotated[bool | None, Parameter(negative="--open")] = None,
@@ -72,7 +71,7 @@ def synthesize(
     report: Path | None = None,
     source: Input = None,
 ) -> None:
-    """Make a new volume that looks like an exemplar.
+    """Make a new volume that looks like an exemplar: a volume, or one to three images.
 
     Beside the volume lies a .json file with all that made it; given back as `--config`, it repeats
     the run.
@@ -81,18 +80,26 @@ def synthesize(
 
         poresynth synthesize bone.tif -o tile.tif --shape 128 128 128 --periodic
 
+        poresynth synthesize rock.png -o rock.tif --engine solid --shape 128 128 128
+
+        poresynth synthesize top.png side.png -o wood.tif --engine solid --axes z x --shape 96 96 96
+
         poresynth synthesize -o again.tif --config new.tif.json
 
     Parameters
     ----------
     exemplar
-        The example: a volume that `poresynth` can read.
+        The example, in any format that `poresynth` reads: one volume for the engine volume; one
+        image, or up to three of planes in different directions, for the engine solid.
     output
         The new volume; its suffix picks the format.
     shape
         Shape z y x of the new volume, in voxels.
     engine
-        How it is made. [default: volume]
+        What makes it: volume, from a volume, or solid, from images. [default: volume]
+    axes
+        Which planes of the new volume look like the image: those across z, y, x; an axis left out
+        is free. For several images the axis of each, in their order. [default: all, of one image]
     preset
         Parameters of the engine that go together, by name.
     seed
@@ -123,7 +130,7 @@ def synthesize(
         How the exemplar is read.
     """
     given = {
-        "exemplar": _text(exemplar),
+        "exemplar": [str(path) for path in exemplar] or None,
         "shape": shape,
         "engine": engine,
         "seed": seed,
@@ -132,11 +139,13 @@ def synthesize(
         "mask": _text(mask),
         "known": _text(known),
         "known_mask": _text(known_mask),
-        "parameters": _given({"preset": preset, "threshold": threshold, "solid": solid}),
+        "parameters": _given(
+            {"axes": axes, "preset": preset, "threshold": threshold, "solid": solid}
+        ),
         "input": {} if source is None else source.model_dump(exclude_unset=True),
     }
     saved = {} if configuration is None else config.load(configuration)
-    if exemplar is not None:
+    if exemplar:
         saved.pop("exemplar_sha256", None)
     run = config.merge(saved, config.parse_settings(settings or ()), _given(given))
     workflow.synthesize(config.validate(run), output, threads, report)
@@ -165,7 +174,7 @@ def compare(
     Parameters
     ----------
     exemplar
-        The example.
+        The example: a volume, or an image, that sections of the volume are compared with.
     volume
         A volume from any source, with voxels of the same size.
     threshold
@@ -251,9 +260,11 @@ def measure(
 def crop(
     volume: Path, z: str, y: str, x: str, /, *, output: Output, source: Reading = None
 ) -> None:
-    """Cut a part out of a volume.
+    """Cut a part out of a volume; a part one voxel thick is an image.
 
         poresynth crop scan.tif 100:300 100:300 : -o part.tif
+
+        poresynth crop scan.tif : 100:101 : -o side.png
 
     Parameters
     ----------
@@ -266,7 +277,7 @@ def crop(
     x
         The same along the third axis.
     output
-        The part; its suffix picks the format.
+        The part; its suffix picks the format. PNG, JPEG and BMP hold images.
     source
         How the volume is read.
     """
@@ -368,7 +379,7 @@ def demo(*, output: Output = Path("demo"), threads: Threads = 0) -> None:
     exemplar = output / "exemplar.tif"
     with workflow.reserve(report=output):
         io.write(exemplar, exemplars.spinodal(DEMO_EXEMPLAR, porosity=0.7, seed=1))
-    run = RunConfig(exemplar=str(exemplar), shape=DEMO_SHAPE, seed=1)
+    run = RunConfig(exemplar=(str(exemplar),), shape=DEMO_SHAPE, seed=1)
     workflow.synthesize(run, output / "new.tif", threads, output)
 
 

@@ -11,7 +11,14 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    ValidationError,
+)
 
 from poresynth.errors import FileError, ParameterError
 
@@ -33,6 +40,25 @@ __all__ = [
 
 PositiveInt = Annotated[int, Field(gt=0)]
 PositiveFloat = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+def _several(value: Any) -> Any:
+    """Take one text as a list of one."""
+    if isinstance(value, str):
+        return (value,)
+    if not isinstance(value, list | tuple) or not value:
+        raise ValueError("must be a text or a list of texts")
+    return value
+
+
+def _one(values: tuple[str, ...]) -> Any:
+    """Write a list of one as the text alone: so it stands in the files that there are."""
+    return values[0] if len(values) == 1 else values
+
+
+Texts = Annotated[
+    tuple[str, ...], BeforeValidator(_several), PlainSerializer(_one, when_used="json")
+]
 
 
 class _Model(BaseModel):
@@ -97,8 +123,9 @@ class RunConfig(_Model):
 
     Parameters
     ----------
-    exemplar : str
-        Path of the exemplar.
+    exemplar : tuple of str
+        Paths of the exemplars, one for each that the engine learns from. A file may say one path
+        without a list.
     shape : (int, int, int)
         Shape (z, y, x) of the new volume, in voxels.
     engine : str, default "volume"
@@ -115,13 +142,13 @@ class RunConfig(_Model):
         Parameters of the engine; its own defaults for what is not named.
     input : InputConfig
         How the exemplar is read.
-    exemplar_sha256 : str, optional
-        Hash of the exemplar's voxels, as read; a run with another exemplar is refused.
+    exemplar_sha256 : tuple of str, optional
+        Hash of each exemplar's voxels, as read; a run with another exemplar is refused.
     version : str, optional
         Version of poresynth that saved the configuration.
     """
 
-    exemplar: str
+    exemplar: Texts
     shape: tuple[PositiveInt, PositiveInt, PositiveInt]
     engine: str = "volume"
     seed: Annotated[int, Field(ge=0)] = 0
@@ -132,24 +159,25 @@ class RunConfig(_Model):
     known_mask: str | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
     input: InputConfig = Field(default_factory=InputConfig)
-    exemplar_sha256: str | None = None
+    exemplar_sha256: Texts | None = None
     version: str | None = None
 
-    def saved(self, exemplar_sha256: str) -> dict[str, Any]:
+    def saved(self, exemplar_sha256: tuple[str, ...]) -> dict[str, Any]:
         """Return the configuration as JSON-compatible data that repeats the run exactly."""
         from poresynth import __version__
 
+        run = self.model_copy(
+            update={"exemplar_sha256": exemplar_sha256, "version": str(__version__)}
+        )
         return {
-            **self.model_dump(mode="json", exclude_none=True, exclude_defaults=True),
+            **run.model_dump(mode="json", exclude_none=True, exclude_defaults=True),
             "engine": self.engine,
             "seed": self.seed,
-            "exemplar_sha256": exemplar_sha256,
-            "version": __version__,
         }
 
     def command(self, output: str | Path) -> str:
         """Return the command line that repeats the run, whatever files the run was made of."""
-        words = ["poresynth", "synthesize", self.exemplar, "-o", str(output)]
+        words = ["poresynth", "synthesize", *self.exemplar, "-o", str(output)]
         words += ["--engine", self.engine, "--shape", *map(str, self.shape)]
         words += ["--seed", str(self.seed)]
         if self.boundary == "periodic":
@@ -318,7 +346,7 @@ def explain(error: ValidationError) -> ParameterError:
         return _unknown(key, first["input"], known, "no key of the configuration")
     if first["type"] == "missing":
         return ParameterError(key, "(not given)", "is needed")
-    message = first["msg"]
+    message = first["msg"].removeprefix("Value error, ")
     return ParameterError(key, first["input"], message[0].lower() + message[1:])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -19,16 +19,24 @@ if TYPE_CHECKING:
     from poresynth.volume import Volume
 
 __all__ = [
+    "IMAGE_ENGINES",
     "compare",
     "crop",
     "measure",
     "read",
     "read_exemplar",
+    "read_exemplars",
     "reserve",
     "synthesize",
     "write",
     "write_json",
 ]
+
+IMAGE_ENGINES = {"solid": 3}
+"""Engines that learn from images, with the most that each takes; the others take one volume."""
+
+# Channels of a plain array (y, x, channel): more are the voxels of a volume.
+_CHANNELS = 4
 
 
 @contextmanager
@@ -88,24 +96,25 @@ def synthesize(run: RunConfig, output: Path, threads: int, report: Path | None) 
     from poresynth import io
 
     with reserve(output, report=report):
-        exemplar = read_exemplar(Path(run.exemplar), run.input)
-        digest = _check_repetition(run, exemplar)
-        volume = _sample(run, exemplar, threads)
+        exemplars = read_exemplars(run)
+        digests = _check_repetition(run, exemplars)
+        volume = _sample(run, exemplars, threads)
         origin = volume.metadata["poresynth"]
-        origin["configuration"] = run.saved(digest)
+        origin["configuration"] = run.saved(digests)
         origin["command"] = run.command(output)
         io.write(output, volume)
         console.result(f"new volume: {output}")
-        if "field_reason" in origin:
-            console.result(f"synthesised: {origin['field_reason']}")
-        if report is None:
-            _print_copying(exemplar, volume, threads)
+        for reason in ("field_reason", "mode_reason"):
+            if reason in origin:
+                console.result(f"synthesised: {origin[reason]}")
+        if report is None and run.engine not in IMAGE_ENGINES:
+            _print_copying(exemplars[0], volume, threads)
         else:
-            _report(report, exemplar, volume, threads)
+            _compare_with_exemplars(exemplars, volume, threads, report)
 
 
-def _check_repetition(run: RunConfig, exemplar: Volume) -> str:
-    """Return the exemplar's hash; a saved run must have the same, and should the version."""
+def _check_repetition(run: RunConfig, exemplars: Sequence[Volume]) -> tuple[str, ...]:
+    """Return the exemplars' hashes; a saved run must have the same, and should the version."""
     import numpy as np
 
     from poresynth import __version__
@@ -115,18 +124,26 @@ def _check_repetition(run: RunConfig, exemplar: Volume) -> str:
             f"the configuration was saved by version {run.version}; this is {__version__}, "
             "which may give other voxels"
         )
-    digest = hashlib.sha256(np.ascontiguousarray(exemplar.array).data).hexdigest()
-    if run.exemplar_sha256 not in (None, digest):
-        raise ParameterError(
-            "exemplar",
-            run.exemplar,
-            "is not the one of the saved run any more (its sha256 differs); name it on the "
-            "command line to use it all the same",
-        )
-    return digest
+    digests = tuple(
+        hashlib.sha256(np.ascontiguousarray(exemplar.array).data).hexdigest()
+        for exemplar in exemplars
+    )
+    saved = digests if run.exemplar_sha256 is None else run.exemplar_sha256
+    if len(saved) != len(digests):
+        allowed = f"must be as many as exemplars, {len(digests)}"
+        raise ParameterError("exemplar_sha256", f"{len(saved)} hashes", allowed)
+    for path, was, now in zip(run.exemplar, saved, digests, strict=True):
+        if was != now:
+            raise ParameterError(
+                "exemplar",
+                path,
+                "is not the one of the saved run any more (its sha256 differs); name it on the "
+                "command line to use it all the same",
+            )
+    return digests
 
 
-def _sample(run: RunConfig, exemplar: Volume, threads: int) -> SynthesizedVolume:
+def _sample(run: RunConfig, exemplars: Sequence[Volume], threads: int) -> SynthesizedVolume:
     from poresynth.engines import get_engine
     from poresynth.resources import available_memory, check_memory, format_bytes
 
@@ -134,7 +151,8 @@ def _sample(run: RunConfig, exemplar: Volume, threads: int) -> SynthesizedVolume
         None if path is None else read(Path(path)).array
         for path in (run.known, run.known_mask, run.mask)
     )
-    engine = get_engine(run.engine)(**run.parameters).fit(exemplar)
+    example = exemplars[0] if len(exemplars) == 1 else exemplars
+    engine = get_engine(run.engine)(**run.parameters).fit(example)
     needed, free = engine.estimate_memory(run.shape), available_memory()
     check_memory(needed, f"shape {' '.join(map(str, run.shape))}")
     console.note(
@@ -173,28 +191,41 @@ def _print_copying(exemplar: Volume, volume: SynthesizedVolume, threads: int) ->
     console.figures(title, rows, ("figure", "new volume"))
 
 
-def _report(report: Path, exemplar: Volume, volume: SynthesizedVolume, threads: int) -> None:
+def _compare_with_exemplars(
+    exemplars: Sequence[Volume], volume: SynthesizedVolume, threads: int, report: Path | None
+) -> None:
     from poresynth.report import write_report
 
     origin = volume.metadata["poresynth"]
-    cut = origin["exemplar"]
+    learned = origin["exemplar"]
+    cut = learned[0] if isinstance(learned, list) else learned
+    reference = _reference(exemplars, origin["parameters"].get("axes"))
     comparison = compare(
-        exemplar, volume, threshold=cut["threshold"], solid=cut["solid"], threads=threads
+        reference, volume, threshold=cut["threshold"], solid=cut["solid"], threads=threads
     )
-    page = write_report(
-        report,
-        exemplar,
-        volume,
-        comparison,
-        energy=volume.energy,
-        configuration=origin["configuration"],
-        command=origin["command"],
-    )
-    console.result(f"report: {page}")
+    if report is not None:
+        page = write_report(
+            report,
+            reference,
+            volume,
+            comparison,
+            energy=volume.energy,
+            configuration=origin["configuration"],
+            command=origin["command"],
+        )
+        console.result(f"report: {page}")
+
+
+def _reference(exemplars: Sequence[Volume], axes: Sequence[str] | None) -> Any:
+    """Return what a volume is compared with: its exemplar, or the image of each axis."""
+    axes = axes or "zyx"
+    if len(exemplars) > 1:
+        return dict(zip(axes, exemplars, strict=False))
+    return exemplars[0] if len(axes) == 3 else dict.fromkeys(axes, exemplars[0])
 
 
 def compare(
-    exemplar: Volume,
+    exemplar: Any,
     volume: Volume,
     *,
     threshold: float | None,
@@ -202,7 +233,10 @@ def compare(
     seed: int = 0,
     threads: int = 0,
 ) -> Comparison:
-    """Compare two volumes and print the figures; parameters as of `poresynth.compare`."""
+    """Compare a volume with its exemplar, or with the image of each of its axes, and say how alike.
+
+    The parameters are those of `poresynth.compare`.
+    """
     import poresynth
     from poresynth.report.words import number
 
@@ -280,14 +314,69 @@ def read(path: Path, source: ReadConfig | None = None) -> Volume:
     return io.read(path, **({} if source is None else source.options()))
 
 
-def read_exemplar(path: Path, source: InputConfig) -> Volume:
-    """Read an exemplar, cropped and reduced as the command line asks for it."""
+def read_exemplar(path: Path, source: InputConfig, *, image: bool = False) -> Volume:
+    """Read an exemplar, cropped and reduced as the command line asks for it.
+
+    Where an image is wanted, a plain array (y, x, channel) is one.
+    """
     from poresynth import preprocess
 
     volume = read(path, source)
+    if image and volume.array.ndim == 3 and volume.shape[2] <= _CHANNELS < min(volume.shape[:2]):
+        volume = volume.with_array(volume.array[None])
     if source.crop is not None:
         volume = crop(volume, source.crop)
     return preprocess.downsample(volume, source.downsample) if source.downsample > 1 else volume
+
+
+def read_exemplars(run: RunConfig) -> list[Volume]:
+    """Read the exemplars of a run.
+
+    Parameters
+    ----------
+    run : RunConfig
+        The run.
+
+    Returns
+    -------
+    list of Volume
+        One volume, or the images of an engine that learns from images.
+
+    Raises
+    ------
+    ParameterError
+        If the engine takes something else, or the images differ in their channels.
+    FileError
+        If one cannot be read.
+    """
+    images = run.engine in IMAGE_ENGINES
+    count, most = len(run.exemplar), IMAGE_ENGINES.get(run.engine, 1)
+    if count > most:
+        what = f"1 to {most} images" if images else "one volume; for images take --engine solid"
+        allowed = f"are {count}, but the engine {run.engine} learns from {what}"
+        raise ParameterError("exemplar", ", ".join(run.exemplar), allowed)
+    volumes = []
+    for path in run.exemplar:
+        volume = read_exemplar(Path(path), run.input, image=images)
+        if images != (volume.shape[0] == 1):
+            raise ParameterError("exemplar", path, _refusal(run.engine, volume))
+        volumes.append(volume)
+    channels = [volume.channels for volume in volumes]
+    if len(set(channels)) > 1:
+        allowed = f"must have the same number of channels, not {', '.join(map(str, channels))}"
+        raise ParameterError("exemplar", ", ".join(run.exemplar), allowed)
+    return volumes
+
+
+def _refusal(engine: str, volume: Volume) -> str:
+    """Return why an engine does not take a volume, or an image."""
+    if engine not in IMAGE_ENGINES:
+        return f"is an image, but the engine {engine} learns from a volume; take --engine solid"
+    edges, middle = " × ".join(map(str, volume.shape)), volume.shape[0] // 2
+    return (
+        f"is a volume of {edges} voxels, but the engine {engine} learns from images; take --engine "
+        f"volume, or a slice, such as --crop {middle}:{middle + 1} : :"
+    )
 
 
 def crop(volume: Volume, ranges: tuple[str, str, str]) -> Volume:
@@ -303,7 +392,7 @@ def crop(volume: Volume, ranges: tuple[str, str, str]) -> Volume:
     Returns
     -------
     Volume
-        A view.
+        A view. A part one voxel thick, along whichever axis, is an image: (1, y, x).
 
     Raises
     ------
@@ -322,7 +411,8 @@ def crop(volume: Volume, ranges: tuple[str, str, str]) -> Volume:
         if not colon or not 0 <= start < stop <= edge:
             raise ParameterError(f"crop {axis}", text, f"must be start:stop within 0:{edge}")
         limits.append((start, stop))
-    return preprocess.crop(volume, [a for a, _ in limits], [b - a for a, b in limits])
+    part = preprocess.crop(volume, [a for a, _ in limits], [b - a for a, b in limits])
+    return preprocess.as_image(part) if 1 in part.shape else part
 
 
 def write(output: Path, volume: Volume) -> None:
