@@ -208,6 +208,9 @@ def test_types_of_images_and_volumes() -> None:
     found = metrics.slice_score({"z": as_volumes, "x": as_volumes}, Volume(volume), threads=2)
     assert found.errors == expected.errors
     assert found.images["z"] is found.images["x"]
+    everywhere = metrics.slice_score(image, volume)
+    assert everywhere.errors["x"] == expected.errors["x"]
+    assert list(everywhere.errors) == ["z", "y", "x"]
 
 
 def test_nothing_can_be_said_of_constant_images() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -16,10 +16,19 @@ from poresynth.errors import ParameterError
 from poresynth.metrics.arguments import PhaseLike, as_phase, whole_number
 from poresynth.metrics.correlation import R_MAX, relative_error
 from poresynth.metrics.registry import finite_mean
-from poresynth.metrics.sections import as_images, sections
+from poresynth.metrics.sections import Images, as_images, sections
 from poresynth.metrics.transport import Axis
 
-__all__ = ["SLICE_FIGURES", "SliceScore", "SliceStatistics", "slice_score", "slice_statistics"]
+__all__ = [
+    "SLICE_FIGURES",
+    "SliceScore",
+    "SliceStatistics",
+    "mean_error",
+    "mean_statistics",
+    "slice_score",
+    "slice_statistics",
+    "window_statistics",
+]
 
 _Phase = npt.NDArray[np.bool_]
 _Curve = npt.NDArray[np.float64]
@@ -48,7 +57,7 @@ SLICE_FIGURES = (
 
 # Their scale is at least one object in all that was measured, for an image may have none.
 _COUNTS = ("components", "holes", "tips")
-# A hard bound for what is unbounded, such as a width of pores where there is none left.
+# Percent. An error may be infinite: that of the width of pores, where there is none left.
 _MOST = 100.0
 
 
@@ -157,9 +166,9 @@ def slice_statistics(
     Returns
     -------
     SliceStatistics
-        Means over at most 32 windows. They cover each slice, overlapping where they do not fit
-        side by side; of more than 32, those are measured that are evenly spaced from the first of
-        the first slice to the last of the last.
+        Means over at most 32 windows. They cover each slice but for a tenth of a window,
+        overlapping where they do not fit side by side; of more than 32, those are measured that are
+        evenly spaced from the first of the first slice to the last of the last.
 
     Raises
     ------
@@ -174,37 +183,18 @@ def slice_statistics(
     volume of one slice, which are those of the plane. Peak memory: about 30 bytes a pixel of a
     window and thread.
     """
-    array = as_phase(stack, "stack")
-    edges = array.shape[1:]
-    if window is not None:
-        edge = whole_number("window", window, 1)
-        if edge > min(edges):
-            allowed = f"must be at most {min(edges)}, the smaller edge of a slice"
-            raise ParameterError("window", edge, allowed)
-        edges = (edge, edge)
-    threads = whole_number("threads", threads, 0)
-    r_max = min(R_MAX, min(edges) // 2)
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        measured = list(pool.map(lambda part: _measure(part, r_max), _windows(array, edges)))
-    figures, curves = zip(*measured, strict=True)
-    return SliceStatistics(
-        **{name: finite_mean([found[name] for found in figures]) for name in SLICE_FIGURES},
-        two_point=np.mean(curves, axis=0),
-        window=edges,
-        windows=len(measured),
-    )
+    return mean_statistics(window_statistics(stack, window=window, threads=threads))
 
 
-def slice_score(
-    images: Mapping[Axis, PhaseLike], volume: PhaseLike, *, threads: int = 0
-) -> SliceScore:
+def slice_score(images: Images, volume: PhaseLike, *, threads: int = 0) -> SliceScore:
     """Score how far the slices of a volume are from the images that they shall look like.
 
     Parameters
     ----------
-    images : mapping
+    images : mapping, or Volume or array_like
         The solid in the image of the planes across an axis, by ``"z"``, ``"y"``, ``"x"``, or some
-        of them: shape (1, y, x), bool or at most 16 values of which 0 is not solid.
+        of them: shape (1, y, x), bool or at most 16 values of which 0 is not solid. An image alone
+        stands for all three axes.
     volume : Volume or array_like
         The solid of the volume, shape (z, y, x).
     threads : int, default 0
@@ -242,16 +232,64 @@ def slice_score(
         for axis in pictures
     }
     errors = {axis: own[axis].errors(new[axis]) for axis in pictures}
-    values = np.abs([list(found.values()) for found in errors.values()])
-    capped = np.minimum(values[~np.isnan(values)], _MOST)
-    return SliceScore(float(capped.mean()) if len(capped) else float("nan"), errors, own, new)
+    percent = mean_error(error for found in errors.values() for error in found.values())
+    return SliceScore(percent, errors, own, new)
+
+
+def window_statistics(
+    stack: PhaseLike, *, window: int | None = None, threads: int = 0
+) -> list[SliceStatistics]:
+    """Measure the windows of binary slices one by one.
+
+    Parameters
+    ----------
+    stack, window, threads
+        As for `slice_statistics`.
+
+    Returns
+    -------
+    list of SliceStatistics
+        One for each window that `slice_statistics` takes the mean over.
+
+    Raises
+    ------
+    ParameterError
+        As for `slice_statistics`.
+    """
+    array = as_phase(stack, "stack")
+    edges = array.shape[1:]
+    if window is not None:
+        edge = whole_number("window", window, 1)
+        if edge > min(edges):
+            allowed = f"must be at most {min(edges)}, the smaller edge of a slice"
+            raise ParameterError("window", edge, allowed)
+        edges = (edge, edge)
+    threads = whole_number("threads", threads, 0)
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        return list(pool.map(_measure, _windows(array, edges)))
+
+
+def mean_statistics(windows: Sequence[SliceStatistics]) -> SliceStatistics:
+    """Return the means over windows of one size."""
+    return SliceStatistics(
+        **{name: finite_mean([getattr(w, name) for w in windows]) for name in SLICE_FIGURES},
+        two_point=np.mean([w.two_point for w in windows], axis=0),
+        window=windows[0].window,
+        windows=len(windows),
+    )
+
+
+def mean_error(errors: Iterable[float]) -> float:
+    """Return the mean of |error| in percent, each at most 100; NaN if none is defined."""
+    known = [min(abs(error), _MOST) for error in errors if not math.isnan(error)]
+    return float(np.mean(known)) if known else float("nan")
 
 
 def _windows(stack: _Phase, edges: tuple[int, int]) -> Iterator[_Phase]:
     """Yield windows of shape (1, row, column)."""
-    # As many as it takes to see every pixel.
+    # As many as it takes to see all but a tenth of a window.
     starts = [
-        np.linspace(0, n - edge, -(-n // edge)).astype(int)
+        np.linspace(0, n - edge, math.ceil(n / edge - 0.1)).astype(int)
         for n, edge in zip(stack.shape[1:], edges, strict=True)
     ]
     shape = (len(stack), len(starts[0]), len(starts[1]))
@@ -262,26 +300,29 @@ def _windows(stack: _Phase, edges: tuple[int, int]) -> Iterator[_Phase]:
         yield np.ascontiguousarray(stack[i : i + 1, y : y + edges[0], x : x + edges[1]])
 
 
-def _measure(solid: _Phase, r_max: int) -> tuple[dict[str, float], _Curve]:
+def _measure(solid: _Phase) -> SliceStatistics:
     """Measure a window of shape (1, row, column); windows have a thread each."""
     size, cube = solid.size, (1.0, 1.0, 1.0)
-    pore = ~solid
+    pore, edges = ~solid, solid.shape[1:]
+    r_max = min(R_MAX, min(edges) // 2)
     parts = _core.component_sizes(solid, connectivity=26, boundary="open", threads=1)
     _, boxes, *_ = _core.component_statistics(pore, connectivity=6, boundary="open", threads=1)
-    inside = (boxes[:, 1:, 0] > 0) & (boxes[:, 1:, 1] < solid.shape[1:])
+    inside = (boxes[:, 1:, 0] > 0) & (boxes[:, 1:, 1] < edges)
     _, specific = _core.surface_area(solid, cube, method="crofton", boundary="open", threads=1)
-    figures = {
-        "solid_fraction": float(solid.mean()),
-        "components": AREA * len(parts) / size,
-        "holes": AREA * int(inside.all(axis=1).sum()) / size,
-        "tips": AREA * _tips(solid),
-        # The surface of what the slice is a section of is 4/π times as much per volume.
-        "perimeter": math.pi / 4 * specific,
-        "thickness": _mean_thickness(solid),
-        "spacing": _mean_thickness(pore),
-    }
     curves = _core.two_point(solid, r_max, boundary="open", voxel_size=cube, threads=1)
-    return figures, curves[0]
+    return SliceStatistics(
+        solid_fraction=float(solid.mean()),
+        components=AREA * len(parts) / size,
+        holes=AREA * int(inside.all(axis=1).sum()) / size,
+        tips=AREA * _tips(solid),
+        # The surface of what the slice is a section of is 4/π times as much per volume.
+        perimeter=math.pi / 4 * specific,
+        thickness=_mean_thickness(solid),
+        spacing=_mean_thickness(pore),
+        two_point=curves[0],
+        window=(edges[0], edges[1]),
+        windows=1,
+    )
 
 
 def _tips(solid: _Phase) -> float:
