@@ -13,7 +13,7 @@ from tests.references import slice_statistics as reference
 
 from poresynth import metrics
 from poresynth.errors import ParameterError
-from poresynth.metrics.slice_statistics import MOST_WINDOWS, SLICE_FIGURES
+from poresynth.metrics.slice_statistics import MOST_WINDOWS, SLICE_FIGURES, window_boxes
 from poresynth.volume import Volume
 
 slices = hnp.arrays(bool, st.tuples(st.integers(2, 12), st.integers(2, 12))).filter(
@@ -120,11 +120,32 @@ def test_windows_cover_the_slices_and_their_mean_counts() -> None:
 
 
 def test_of_many_slices_an_even_choice_is_measured() -> None:
-    stack = np.zeros((311, 8, 8), bool)
-    stack[::10, 2:4, 2:4] = True
+    stack = np.zeros((320, 8, 8), bool)
+    stack[5::10, 2:4, 2:4] = True
     found = metrics.slice_statistics(stack)
     assert found.windows == MOST_WINDOWS
     assert found.solid_fraction == 4 / 64
+
+
+@pytest.mark.parametrize("shape", [(50, 64, 64), (9, 64, 96), (1, 300, 300), (40, 90, 33)])
+def test_every_place_counts_alike(shape: tuple[int, int, int]) -> None:
+    image = blobs((1, *shape[1:]), 1)
+    boxes = list(window_boxes(shape, (32, 32)))
+    assert len(set(map(str, boxes))) == len(boxes) <= MOST_WINDOWS
+    places, counts = np.unique(
+        [(y.start, x.start) for _, y, x in boxes], axis=0, return_counts=True
+    )
+    assert np.ptp(counts) <= 1
+    assert places.min(axis=0).tolist() == [0, 0]
+    # Thirty-two of more places: they still reach far.
+    assert (places.max(axis=0) >= np.array(shape[1:]) - 64).all()
+    slices_used = [i.start for i, _, _ in boxes]
+    assert np.ptp(slices_used) >= 0.9 * (shape[0] - 1)
+    if len(places) in (1, 2, 4):
+        own, new = (
+            metrics.slice_statistics(np.repeat(image, n, axis=0), window=32) for n in (1, shape[0])
+        )
+        assert new.thickness == pytest.approx(own.thickness)
 
 
 def test_threads_do_not_matter() -> None:

@@ -135,7 +135,7 @@ def _sampler(array: _Voxels) -> Callable[[_Voxels, Sequence[_Voxels]], _Voxels]:
     def nearer(channel: _Voxels, places: Sequence[_Voxels]) -> _Voxels:
         # The nearest voxels would make a rougher border.
         values = ndimage.map_coordinates(channel, places, float, order=1, mode="nearest")
-        return np.where(values > (float(low) + float(high)) / 2, high, low)
+        return np.asarray(np.where(values > (float(low) + float(high)) / 2, high, low))
 
     return nearer
 

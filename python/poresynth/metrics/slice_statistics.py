@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -25,8 +26,10 @@ __all__ = [
     "SliceStatistics",
     "mean_error",
     "mean_statistics",
+    "percent_error",
     "slice_score",
     "slice_statistics",
+    "window_boxes",
     "window_statistics",
 ]
 
@@ -55,8 +58,9 @@ SLICE_FIGURES = (
 )
 """The single figures of `SliceStatistics`."""
 
-# Their scale is at least one object in all that was measured, for an image may have none.
-_COUNTS = ("components", "holes", "tips")
+COUNTS = ("components", "holes", "tips")
+"""Those that count something."""
+
 # Percent. An error may be infinite: that of the width of pores, where there is none left.
 _MOST = 100.0
 
@@ -100,6 +104,10 @@ class SliceStatistics:
     window: tuple[int, int]
     windows: int
 
+    def least(self, name: str) -> float:
+        """Return the least of a figure that can be seen: of a count, one in all windows."""
+        return AREA / (self.windows * math.prod(self.window)) if name in COUNTS else 0.0
+
     def errors(self, other: SliceStatistics) -> dict[str, float]:
         """Return how far other slices are from these.
 
@@ -112,15 +120,11 @@ class SliceStatistics:
         -------
         dict of str to float
             Percent: 100 · (other − own) / own for each of `SLICE_FIGURES`, of counts relative to at
-            least one object in all of the own windows; for ``two_point`` the relative L2 error
-            from r = 1 on. NaN where the own figure is not defined, infinite where the other's is
-            not.
+            least one in all of the own windows; for ``two_point`` the relative L2 error from r = 1
+            on. NaN where the own figure is not defined, infinite where the other's is not.
         """
-        one = AREA / (self.windows * math.prod(self.window))
         found = {
-            name: _relative(
-                getattr(self, name), getattr(other, name), one if name in _COUNTS else 0.0
-            )
+            name: percent_error(getattr(self, name), getattr(other, name), self.least(name))
             for name in SLICE_FIGURES
         }
         return {**found, "two_point": relative_error(other.two_point, self.two_point)}
@@ -168,7 +172,7 @@ def slice_statistics(
     SliceStatistics
         Means over at most 32 windows. They cover each slice but for a tenth of a window,
         overlapping where they do not fit side by side; of more than 32, those are measured that are
-        evenly spaced from the first of the first slice to the last of the last.
+        evenly spaced over slices, each in the next of its places in turn.
 
     Raises
     ------
@@ -212,11 +216,12 @@ def slice_score(images: Images, volume: PhaseLike, *, threads: int = 0) -> Slice
     Notes
     -----
     Everything is measured in square windows of one size: the smallest edge of the images and of the
-    volume. Peak memory: as `slice_statistics`.
+    slices. Peak memory: as `slice_statistics`.
     """
     solid = as_phase(volume, "volume")
     pictures = as_images(images)
-    window = min(*solid.shape, *(edge for image in pictures.values() for edge in image.shape[1:]))
+    stacks = {axis: sections(solid, axis) for axis in pictures}
+    window = min(edge for v in (*stacks.values(), *pictures.values()) for edge in v.shape[1:])
     own: dict[Axis, SliceStatistics] = {}
     for axis, image in pictures.items():
         # One image may stand for several axes.
@@ -228,8 +233,8 @@ def slice_score(images: Images, volume: PhaseLike, *, threads: int = 0) -> Slice
             else own[known]
         )
     new = {
-        axis: slice_statistics(sections(solid, axis), window=window, threads=threads)
-        for axis in pictures
+        axis: slice_statistics(stack, window=window, threads=threads)
+        for axis, stack in stacks.items()
     }
     errors = {axis: own[axis].errors(new[axis]) for axis in pictures}
     percent = mean_error(error for found in errors.values() for error in found.values())
@@ -265,8 +270,9 @@ def window_statistics(
             raise ParameterError("window", edge, allowed)
         edges = (edge, edge)
     threads = whole_number("threads", threads, 0)
+    parts = (np.ascontiguousarray(array[box]) for box in window_boxes(array.shape, edges))
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        return list(pool.map(_measure, _windows(array, edges)))
+        return list(pool.map(_measure, parts))
 
 
 def mean_statistics(windows: Sequence[SliceStatistics]) -> SliceStatistics:
@@ -279,25 +285,41 @@ def mean_statistics(windows: Sequence[SliceStatistics]) -> SliceStatistics:
     )
 
 
+def percent_error(own: float, new: float, least: float = 0.0) -> float:
+    """Return how far a value is from another, in percent of that or of the least that is resolved.
+
+    NaN if the own value is not defined, infinite if only the new one is not.
+    """
+    if math.isnan(own):
+        return float("nan")
+    scale = max(abs(own), least)
+    if math.isnan(new) or (not scale and new):
+        return float("inf")
+    return 100 * (new - own) / scale if scale else 0.0
+
+
 def mean_error(errors: Iterable[float]) -> float:
     """Return the mean of |error| in percent, each at most 100; NaN if none is defined."""
     known = [min(abs(error), _MOST) for error in errors if not math.isnan(error)]
     return float(np.mean(known)) if known else float("nan")
 
 
-def _windows(stack: _Phase, edges: tuple[int, int]) -> Iterator[_Phase]:
-    """Yield windows of shape (1, row, column)."""
+def window_boxes(
+    shape: tuple[int, int, int], edges: tuple[int, int]
+) -> Iterator[tuple[slice, slice, slice]]:
+    """Yield the places of the windows of a stack, each in one slice; see `slice_statistics`."""
     # As many as it takes to see all but a tenth of a window.
     starts = [
         np.linspace(0, n - edge, math.ceil(n / edge - 0.1)).astype(int)
-        for n, edge in zip(stack.shape[1:], edges, strict=True)
+        for n, edge in zip(shape[1:], edges, strict=True)
     ]
-    shape = (len(stack), len(starts[0]), len(starts[1]))
-    count = math.prod(shape)
-    chosen = np.linspace(0, count - 1, min(count, MOST_WINDOWS)).astype(int)
-    for i, row, column in zip(*np.unravel_index(chosen, shape), strict=True):
-        y, x = starts[0][row], starts[1][column]
-        yield np.ascontiguousarray(stack[i : i + 1, y : y + edges[0], x : x + edges[1]])
+    places = list(itertools.product(*starts))
+    count = min(shape[0] * len(places), MOST_WINDOWS)
+    for k in range(count):
+        i = (2 * k + 1) * shape[0] // (2 * count)
+        # In turn, so that each place counts alike.
+        y, x = places[k % len(places) if len(places) <= count else k * len(places) // count]
+        yield slice(i, i + 1), slice(y, y + edges[0]), slice(x, x + edges[1])
 
 
 def _measure(solid: _Phase) -> SliceStatistics:
@@ -341,13 +363,3 @@ def _mean_thickness(phase: _Phase) -> float:
         return float("nan")
     local = _core.local_thickness(phase, (1.0, 1.0, 1.0), boundary="open", threads=1)
     return float(local[phase].mean(dtype=float))
-
-
-def _relative(own: float, new: float, least: float) -> float:
-    """Return the error in percent, relative to the own value or the least that is resolved."""
-    if math.isnan(own):
-        return float("nan")
-    scale = max(abs(own), least)
-    if math.isnan(new) or (not scale and new):
-        return float("inf")
-    return 100 * (new - own) / scale if scale else 0.0
