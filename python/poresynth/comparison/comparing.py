@@ -6,7 +6,7 @@ the exemplar, which says how much one specimen of the material differs from anot
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -14,14 +14,22 @@ import numpy as np
 import numpy.typing as npt
 
 from poresynth import metrics
-from poresynth.comparison.result import Comparison, Curve, Figures, Histogram, Samples
+from poresynth.comparison.result import (
+    Comparison,
+    Curve,
+    Figures,
+    Histogram,
+    Samples,
+    VolumeComparison,
+)
+from poresynth.comparison.sections import compare_sections
 from poresynth.errors import ParameterError
 from poresynth.metrics.arguments import whole_number
 from poresynth.metrics.connectivity import FLOATING, largest_share, size_distance
 from poresynth.metrics.copying import EDGES
 from poresynth.metrics.correlation import R_MAX, relative_error
-from poresynth.metrics.intensity import count_levels
 from poresynth.metrics.registry import METRICS, finite_mean
+from poresynth.metrics.sections import Images
 from poresynth.metrics.specimen import Specimen
 from poresynth.metrics.structure import Structure, first_channel
 from poresynth.preprocess import is_two_valued
@@ -32,14 +40,12 @@ __all__ = ["compare"]
 _Phase = npt.NDArray[np.bool_]
 _Voxels = npt.NDArray[Any]
 
-# Most bins of a histogram.
-BINS = 128
 # Windows of a smaller edge hold no structure to compare.
 SMALLEST_WINDOW = 16
 
 
 def compare(
-    exemplar: Volume | npt.ArrayLike,
+    exemplar: Images,
     volume: Volume | npt.ArrayLike,
     *,
     threshold: float | None = None,
@@ -55,7 +61,8 @@ def compare(
     ----------
     exemplar, volume : Volume or array_like
         Shapes (z, y, x) or (z, y, x, channel), of which the first channel is compared. Gray,
-        binary or labels; the sizes may differ.
+        binary or labels; the sizes may differ. An exemplar of one slice, or a mapping of such
+        images by axis, is compared with sections of the volume: `compare_sections` says how.
     threshold : float, optional
         Value that parts solid from pore in both. Default: Otsu's of the exemplar; the middle of
         two values; the middle of the two lowest labels, so that all but the lowest are solid. A
@@ -76,7 +83,7 @@ def compare(
     Returns
     -------
     Comparison
-        Its figures, judged by `mark`:
+        A `VolumeComparison`, or a `SectionComparison` with images. Its figures, judged by `mark`:
 
         - ``end_point_density``, ``euler_density``, then thicknesses, surface, fabric and all else
           in `poresynth.metrics.METRICS` that has a tolerance: means over sub-volumes of one size
@@ -110,7 +117,17 @@ def compare(
     Structure and novelty belong together: a copy of the exemplar passes every figure but novelty.
     All boundaries are open. Peak memory: 6 bytes a voxel of the volume, 28 of the exemplar.
     """
-    whole_e, whole_v = as_volume(exemplar), as_volume(volume)
+    whole_v = as_volume(volume)
+    if isinstance(exemplar, Mapping) or as_volume(exemplar).shape[0] == 1 < whole_v.shape[0]:
+        return compare_sections(
+            exemplar,
+            whole_v,
+            threshold=threshold,
+            solid=solid,
+            threads=threads,
+            progress=progress,
+        )
+    whole_e = as_volume(exemplar)
     count = whole_number("subvolumes", subvolumes, 2)
     whole_number("seed", seed, 0)
     if whole_e.channels != whole_v.channels:
@@ -135,13 +152,14 @@ def compare(
     tell("comparing gray values", 0.5)
     _add_sharpness(figures, e, v, parts_e)
     if structure.kind == "gray":
-        curves["histogram"] = _add_gray_levels(figures, e, v, parts_e)
-    _add_copying(figures, whole_v)
+        _add_gray_levels(figures, e, v, parts_e)
+        curves["histogram"] = Histogram.of(v.gray, e.gray)
+    figures.add_copying(whole_v)
     for i, edge in enumerate(EDGES):
         tell("looking for copies", 0.55 + 0.15 * i)
         _add_novelty(figures, e, v, edge, seed, threads)
     tell("looking for copies", 1.0)
-    return Comparison(
+    return VolumeComparison(
         figures=dict(figures),
         curves=curves,
         threshold=structure.threshold,
@@ -279,16 +297,8 @@ def _add_correlation(
     )
     curves: dict[str, Any] = {}
     for name in ("radial", "z", "y", "x"):
-        ours, theirs = getattr(new, name), getattr(own, name)
-        band = np.array([getattr(other, name) for other in others])
-        # A small volume holds no long segments.
-        known = np.isfinite(ours) & np.isfinite(theirs) & np.isfinite(band).all(axis=0)
-        curves["two_point" if name == "radial" else f"two_point_{name}"] = Curve(
-            r=own.r[known].tolist(),
-            volume=ours[known].tolist(),
-            exemplar=theirs[known].tolist(),
-            low=band.min(axis=0)[known].tolist(),
-            high=band.max(axis=0)[known].tolist(),
+        curves["two_point" if name == "radial" else f"two_point_{name}"] = Curve.of(
+            getattr(new, name), getattr(own, name), [getattr(other, name) for other in others]
         )
     return curves
 
@@ -370,9 +380,7 @@ def _add_sharpness(figures: Figures, e: _Specimen, v: _Specimen, parts: list[_Sp
     )
 
 
-def _add_gray_levels(
-    figures: Figures, e: _Specimen, v: _Specimen, parts: list[_Specimen]
-) -> Histogram:
+def _add_gray_levels(figures: Figures, e: _Specimen, v: _Specimen, parts: list[_Specimen]) -> None:
     new, *others = (metrics.histogram_distance(e.gray, s.gray) for s in (v, *parts))
     figures.add(
         "histogram_distance",
@@ -392,26 +400,6 @@ def _add_gray_levels(
         tolerance=2.0,
         better="smaller",
     )
-    counts = count_levels(e.gray, v.gray)
-    step = float(counts.levels[1] - counts.levels[0])
-    # Whole levels in each bin, so that no bin is fuller than its neighbours by rounding.
-    width = -(-len(counts.levels) // BINS)
-    starts = np.arange(0, len(counts.levels), width)
-    shares = [
-        (np.add.reduceat(count, starts) / count.sum()).tolist()
-        for count in (counts.volume, counts.exemplar)
-    ]
-    edges = counts.levels[0] + step * (width * np.arange(len(starts) + 1) - 0.5)
-    return Histogram(edges.tolist(), *shares)
-
-
-def _add_copying(figures: Figures, volume: Volume) -> None:
-    record = volume.metadata.get("poresynth", {}).get("copying") or {}
-    if "copy_fraction" in record:
-        figures.add("copy_fraction", record["copy_fraction"], "share of verbatim continuations")
-    if "mean_copied_block" in record:
-        what = "edge of the mean verbatim block, weighted by volume"
-        figures.add("mean_copied_block", record["mean_copied_block"], what, power=1)
 
 
 def _add_novelty(

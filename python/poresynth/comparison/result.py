@@ -3,17 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
+import numpy.typing as npt
+
+from poresynth.metrics.intensity import count_levels
 from poresynth.metrics.measurement import json_number
 from poresynth.metrics.registry import unit_of
+from poresynth.volume import Volume
 
-__all__ = ["Comparison", "Curve", "Figure", "Figures", "Histogram", "Samples", "mark"]
+__all__ = [
+    "Comparison",
+    "Curve",
+    "Figure",
+    "Figures",
+    "Histogram",
+    "Samples",
+    "SectionComparison",
+    "VolumeComparison",
+    "mark",
+]
 
 Mark = Literal["pass", "near", "off", "info"]
 Better = Literal["equal", "smaller", "larger"]
+_Curve = npt.NDArray[np.float64]
+
+# Most bins of a histogram.
+BINS = 128
 
 
 @dataclass(frozen=True)
@@ -38,6 +57,8 @@ class Figure:
         What it is, and what is tolerated beside the range.
     power : int
         Of the length in the unit: 1 for a length, −3 for a count per volume, 0 for none.
+    error_percent : float, optional
+        Difference from the exemplar, relative to its value: of figures of sections.
     """
 
     name: str
@@ -49,6 +70,7 @@ class Figure:
     unit: str = ""
     description: str = ""
     power: int = 0
+    error_percent: float | None = None
 
 
 @dataclass(frozen=True)
@@ -85,6 +107,31 @@ class Curve:
     low: list[float]
     high: list[float]
 
+    @classmethod
+    def of(cls, volume: _Curve, exemplar: _Curve, parts: Sequence[_Curve]) -> Curve:
+        """Put correlations together, as far as all are known: small parts hold no long segments.
+
+        Parameters
+        ----------
+        volume, exemplar : numpy.ndarray
+            Values for r = 0, 1, …, NaN where there are none, shape (n,).
+        parts : sequence of numpy.ndarray
+            The same of the exemplar's sub-volumes.
+
+        Returns
+        -------
+        Curve
+        """
+        band = np.array(parts)
+        known = np.isfinite(volume) & np.isfinite(exemplar) & np.isfinite(band).all(axis=0)
+        return cls(
+            r=np.flatnonzero(known).tolist(),
+            volume=volume[known].tolist(),
+            exemplar=exemplar[known].tolist(),
+            low=band.min(axis=0)[known].tolist(),
+            high=band.max(axis=0)[known].tolist(),
+        )
+
 
 @dataclass(frozen=True)
 class Histogram:
@@ -102,8 +149,23 @@ class Histogram:
     volume: list[float]
     exemplar: list[float]
 
+    @classmethod
+    def of(cls, volume: npt.NDArray[Any], exemplar: npt.NDArray[Any]) -> Histogram:
+        """Count the gray values of two volumes, shapes (z, y, x), in bins of whole levels."""
+        counts = count_levels(exemplar, volume)
+        step = float(counts.levels[1] - counts.levels[0]) if len(counts.levels) > 1 else 1.0
+        # Whole levels in each bin, so that no bin is fuller than its neighbours by rounding.
+        width = -(-len(counts.levels) // BINS)
+        starts = np.arange(0, len(counts.levels), width)
+        shares = [
+            (np.add.reduceat(count, starts) / count.sum()).tolist()
+            for count in (counts.volume, counts.exemplar)
+        ]
+        edges = counts.levels[0] + step * (width * np.arange(len(starts) + 1) - 0.5)
+        return cls(edges.tolist(), *shares)
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, kw_only=True)
 class Comparison:
     """What `compare` found.
 
@@ -112,18 +174,13 @@ class Comparison:
     figures : dict of str to Figure
         By name, in the order of reading.
     curves : dict of str to Curve or Histogram
-        ``two_point``, ``two_point_z``, ``two_point_y``, ``two_point_x``; for gray volumes
-        ``histogram``.
+        By name.
     threshold : float
         The exemplar's value that parts solid from pore.
     solid : {"bright", "dark"}
         Which side is solid.
     kind : {"gray", "binary", "label"}
         What the exemplar's values mean.
-    subvolume_shape : (int, int, int)
-        Shape of the sub-volumes.
-    samples : dict of str to Samples
-        The metrics of the sub-volumes, by name.
     voxel_size : (float, float, float)
         Of the synthetic volume.
     unit : str
@@ -135,8 +192,6 @@ class Comparison:
     threshold: float
     solid: Literal["bright", "dark"]
     kind: Literal["gray", "binary", "label"]
-    subvolume_shape: tuple[int, int, int]
-    samples: dict[str, Samples] = field(default_factory=dict)
     voxel_size: tuple[float, float, float] = (1.0, 1.0, 1.0)
     unit: str = "voxel"
 
@@ -169,10 +224,64 @@ class Comparison:
             "kind": self.kind,
             "threshold": self.threshold,
             "solid": self.solid,
-            "subvolume_shape": list(self.subvolume_shape),
             "voxel_size": list(self.voxel_size),
             "unit": self.unit,
         }
+
+
+@dataclass(frozen=True, kw_only=True)
+class VolumeComparison(Comparison):
+    """A volume beside a volume.
+
+    Its curves are ``two_point``, ``two_point_z``, ``two_point_y``, ``two_point_x``, and for gray
+    volumes ``histogram``.
+
+    Parameters
+    ----------
+    subvolume_shape : (int, int, int)
+        Shape of the sub-volumes.
+    samples : dict of str to Samples
+        The metrics of the sub-volumes, by name.
+    """
+
+    subvolume_shape: tuple[int, int, int]
+    samples: dict[str, Samples] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as `Comparison.to_dict` does, and the shape of the sub-volumes."""
+        return super().to_dict() | {"subvolume_shape": list(self.subvolume_shape)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SectionComparison(Comparison):
+    """Sections of a volume beside images.
+
+    Figures of sections end in the name of their plane: that of the axis that it is across, or
+    ``diagonal``. Curves are ``two_point_<plane>``, and for gray images ``histogram_<axis>`` or
+    ``histogram_<channel>_<axis>``, of several axes of one image the first.
+
+    Parameters
+    ----------
+    planes : tuple of tuples of str
+        Names of the planes that are compared with each of the images.
+    window : int
+        Edge of the windows in which slices and images were measured.
+    """
+
+    planes: tuple[tuple[str, ...], ...]
+    window: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as `Comparison.to_dict` does, with the errors of those of sections.
+
+        That of ``<name>_<plane>`` is ``<name>_error_percent_<plane>``, without its sign.
+        """
+        result = super().to_dict()
+        for name, figure in self.figures.items():
+            if figure.error_percent is not None:
+                stem, _, plane = name.rpartition("_")
+                result[f"{stem}_error_percent_{plane}"] = json_number(abs(figure.error_percent))
+        return result | {"planes": [list(group) for group in self.planes], "window": self.window}
 
 
 def mark(
@@ -236,6 +345,7 @@ class Figures(dict[str, Figure]):
         ideal: float | None = None,
         tolerance: float | None = None,
         better: Better = "equal",
+        error_percent: float | None = None,
     ) -> None:
         """Add a figure, judged if a tolerance is given; the ideal is the exemplar's value."""
         defined = [float(p) for p in parts if not math.isnan(p)]
@@ -245,4 +355,15 @@ class Figures(dict[str, Figure]):
         if tolerance is not None and ideal is not None:
             verdict = mark(value, ideal, low, high, tolerance=tolerance, better=better)
         unit = unit or unit_of("voxel", power)
-        self[name] = Figure(name, value, exemplar, low, high, verdict, unit, description, power)
+        self[name] = Figure(
+            name, value, exemplar, low, high, verdict, unit, description, power, error_percent
+        )
+
+    def add_copying(self, volume: Volume) -> None:
+        """Add what the record of a volume says of copying, where an engine that copies made it."""
+        record = volume.metadata.get("poresynth", {}).get("copying") or {}
+        if "copy_fraction" in record:
+            self.add("copy_fraction", record["copy_fraction"], "share of verbatim continuations")
+        if "mean_copied_block" in record:
+            what = "edge of the mean verbatim block, weighted by volume"
+            self.add("mean_copied_block", record["mean_copied_block"], what, power=1)
