@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from types import SimpleNamespace
 
 from poresynth.report import html
@@ -20,7 +22,8 @@ PICTURE = html.Picture(b"\x89PNG", 100.0, "exemplar, xy")
 
 
 def page() -> str:
-    body = html.figures_table({"Connectivity": [FIGURE]}) + html.pairs([[PICTURE]], (20, "1 mm"))
+    body = html.verdict([FIGURE]) + html.figures_table({"Connectivity": [FIGURE]})
+    body += html.legend("parts of <it>") + html.pairs([[PICTURE]], (20, "1 mm"))
     section = html.Section("Figures & more", body + html.chart("t", "s", b"light", b"dark"))
     return html.page("<title>", "sub", {"a": "1 < 2"}, [section], "end")
 
@@ -33,14 +36,16 @@ def test_a_page_needs_nothing_from_elsewhere() -> None:
 
 def test_text_is_escaped() -> None:
     text = page()
-    for escaped in ("&lt;title&gt;", "1 &lt; 2", "Figures &amp; more", "Pieces &lt; 10 voxels."):
+    escapes = ["&lt;title&gt;", "1 &lt; 2", "Figures &amp; more", "Pieces &lt; 10 voxels."]
+    for escaped in (*escapes, "&lt;it&gt;"):
         assert escaped in text
     assert html.code("a < b && c") == "<pre><code>a &lt; b &amp;&amp; c</code></pre>"
 
 
 def test_marks_have_words() -> None:
     text = html.figures_table({"Connectivity": [FIGURE]})
-    assert "1 ≈ near" in text
+    assert "1 ≈ near" in html.verdict([FIGURE])
+    assert "<b>≈ near</b>: within twice that" in html.legend("parts")
     assert '<td class="mark near">≈ near</td>' in text
     assert "0 to 6" in text
 
@@ -48,6 +53,42 @@ def test_marks_have_words() -> None:
 def test_a_figure_without_a_range_says_so() -> None:
     alone = SimpleNamespace(**{**vars(FIGURE), "exemplar": None, "low": None, "high": None})
     assert html.figures_table({"x": [alone]}).count(">–<") == 2
+
+
+def test_planes_stand_beside_their_image() -> None:
+    def figure(name: str, value: float, error: float | None) -> SimpleNamespace:
+        more = {"name": name, "value": value, "error_percent": error}
+        return SimpleNamespace(**{**vars(FIGURE), **more})
+
+    figures = {
+        f.name: f
+        for f in (
+            figure("porosity", 9.0, None),
+            figure("holes_z", 4.0, 33.3),
+            figure("holes_y", 2.0, -33.3),
+            figure("holes_x", 5.0, math.inf),
+            figure("tips_z", 7.0, None),
+        )
+    }
+    text = html.planes_table(figures, [("z", "diagonal"), ("y", "x")])
+    header = re.findall(r">([^<>]+)</th>", text.split("</thead>")[0])
+    assert header == [
+        "figure",
+        "image across z",
+        "across z",
+        "diagonal",
+        "image across y, x",
+        "across y",
+        "across x",
+        "what it says",
+    ]
+    rows = re.findall(r"<tr>.*?</tr>", text.split("</thead>")[1])
+    holes, tips = (
+        " ".join(re.sub(r"<[^>]+>", " ", r.split('<td class="says')[0]).split()) for r in rows
+    )
+    assert holes == "Holes holes 3 0 to 6 ≈ 4 +33.3 % – 3 0 to 6 ≈ 2 −33.3 % ≈ 5"
+    assert tips == "Tips tips 3 0 to 6 ≈ 7 – – – –"
+    assert "porosity" not in text
 
 
 def test_pictures_of_a_row_share_the_scale() -> None:

@@ -145,15 +145,16 @@ def two_point(curve: Curve) -> Callable[[Axes, Theme], None]:
     return plot
 
 
-def histogram(curve: Histogram, threshold: float) -> Callable[[Axes, Theme], None]:
-    """Plot two histograms of gray values, and where the solid is cut."""
+def histogram(curve: Histogram, threshold: float | None) -> Callable[[Axes, Theme], None]:
+    """Plot two histograms of gray values, and where the solid is cut, if it is cut by them."""
 
     def plot(axes: Axes, theme: Theme) -> None:
         volume, exemplar = (100 * np.asarray(h) for h in (curve.volume, curve.exemplar))
         axes.stairs(exemplar, curve.edges, fill=True, color=theme.exemplar, alpha=0.25)
         axes.stairs(exemplar, curve.edges, color=theme.exemplar, ls="--", lw=1.2, label="exemplar")
         axes.stairs(volume, curve.edges, color=theme.volume, lw=1.6, label="new volume")
-        axes.axvline(threshold, color=theme.ink, lw=0.9, ls=":", label="threshold")
+        if threshold is not None:
+            axes.axvline(threshold, color=theme.ink, lw=0.9, ls=":", label="threshold")
         axes.set(xlabel="gray value", ylabel="share of the voxels (%)")
         axes.set_xlim(curve.edges[0], curve.edges[-1])
         axes.set_ylim(bottom=0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -11,7 +12,20 @@ from typing import Any
 
 from poresynth.report.words import explain, number
 
-__all__ = ["Picture", "Section", "chart", "code", "figures_table", "page", "pairs"]
+__all__ = [
+    "Content",
+    "Picture",
+    "Section",
+    "across",
+    "chart",
+    "code",
+    "figures_table",
+    "legend",
+    "page",
+    "pairs",
+    "planes_table",
+    "verdict",
+]
 
 # Words and signs, so that a mark is understood without its colour.
 MARKS = {"pass": "✓ pass", "near": "≈ near", "off": "✗ off", "info": "–"}
@@ -28,6 +42,8 @@ MEANING = {
     "near": "within twice that",
     "off": "beyond",
 }
+
+_NOTHING = '<td class="number">–</td>'
 
 
 @dataclass(frozen=True)
@@ -63,6 +79,26 @@ class Section:
 
     title: str
     body: str
+
+
+@dataclass(frozen=True)
+class Content:
+    """What a page says of one kind of comparison.
+
+    Parameters
+    ----------
+    title, subtitle : str
+        What this is, in a line each.
+    exemplar : str
+        What the volume is compared with, in a few words.
+    sections : list of Section
+        The parts of the page.
+    """
+
+    title: str
+    subtitle: str
+    exemplar: str
+    sections: list[Section]
 
 
 def page(
@@ -102,8 +138,39 @@ def page(
     )
 
 
+def verdict(figures: Iterable[Any]) -> str:
+    """Return how many figures of a comparison have each mark."""
+    marks = [figure.mark for figure in figures]
+    counts = "".join(
+        f'<span class="{mark}">{marks.count(mark)} {MARKS[mark]}</span>'
+        for mark in MEANING
+        if mark in marks
+    )
+    return f'<div class="verdict">{counts}</div>'
+
+
+def legend(parts: str) -> str:
+    """Return what marks and ranges mean.
+
+    Parameters
+    ----------
+    parts : str
+        Where the range comes from, such as ``"random parts of the exemplar"``.
+
+    Returns
+    -------
+    str
+        HTML.
+    """
+    marks = "; ".join(f"<b>{MARKS[mark]}</b>: {MEANING[mark]}" for mark in MEANING)
+    return (
+        f'<p class="note">{marks}. The range comes from {escape(parts)}, measured in '
+        "the same way: by so much one specimen of this material differs from another.</p>"
+    )
+
+
 def figures_table(groups: Mapping[str, Sequence[Any]]) -> str:
-    """Return the verdict and the table of figures.
+    """Return the table of figures.
 
     Parameters
     ----------
@@ -115,23 +182,82 @@ def figures_table(groups: Mapping[str, Sequence[Any]]) -> str:
     str
         HTML.
     """
-    marks = [figure.mark for figures in groups.values() for figure in figures]
-    verdict = "".join(
-        f'<span class="{mark}">{marks.count(mark)} {MARKS[mark]}</span>'
-        for mark in MEANING
-        if mark in marks
-    )
     rows = []
     for heading, figures in groups.items():
         rows.append(f'<tr class="group"><th colspan="6">{escape(heading)}</th></tr>')
         rows.extend(_row(figure) for figure in figures)
-    legend = "; ".join(f"<b>{MARKS[mark]}</b>: {MEANING[mark]}" for mark in MEANING)
     header = "".join(f'<th class="{css}">{name}</th>' for css, name in HEADER)
+    return _table(header, rows)
+
+
+def planes_table(figures: Mapping[str, Any], planes: Sequence[Sequence[str]]) -> str:
+    """Return the table of figures of sections: a column for each image and each plane.
+
+    Parameters
+    ----------
+    figures : mapping of str to Figure
+        Figures of a comparison, of which those are shown whose names end in that of a plane.
+    planes : sequence of sequences of str
+        Names of the planes that are compared with each of the images.
+
+    Returns
+    -------
+    str
+        HTML.
+    """
+    first = f"_{planes[0][0]}"
+    header = "<th>figure</th>"
+    for group in planes:
+        header += f'<th class="number">image {across(group)}</th>'
+        header += "".join(f'<th class="number">{across([plane])}</th>' for plane in group)
+    columns = 2 + sum(1 + len(group) for group in planes)
+    heading = f'<th colspan="{columns}">Slices beside their image, plane by plane</th>'
+    rows = [f'<tr class="group">{heading}</tr>']
+    for stem in (name.removesuffix(first) for name in figures if name.endswith(first)):
+        cells = []
+        for group in planes:
+            found = [figures.get(f"{stem}_{plane}") for plane in group]
+            cells.append(_image_cell(next((f for f in found if f is not None), None)))
+            cells.extend(map(_plane_cell, found))
+        label, question = explain(stem)
+        rows.append(
+            f"<tr><th>{escape(label)}<code>{escape(stem)}</code></th>{''.join(cells)}"
+            f'<td class="says"><b>{escape(question)}</b> '
+            f"{escape(figures[stem + first].description)}</td></tr>"
+        )
+    return _table(f'{header}<th class="says">what it says</th>', rows)
+
+
+def across(planes: Sequence[str]) -> str:
+    """Return the name of a plane, or of several across axes, for people."""
+    axes = [plane for plane in planes if plane in ("z", "y", "x")]
+    return f"across {', '.join(axes)}" if axes else planes[0]
+
+
+def _image_cell(figure: Any) -> str:
+    if figure is None:
+        return _NOTHING
+    low, high = number(figure.low), number(figure.high)
+    spread = "" if figure.low is None else f"<small>{low} to {high}</small>"
+    return f'<td class="number">{number(figure.exemplar)}{spread}</td>'
+
+
+def _plane_cell(figure: Any) -> str:
+    if figure is None:
+        return _NOTHING
+    error = ""
+    if figure.error_percent is not None and math.isfinite(figure.error_percent):
+        error = f"<small>{figure.error_percent:+.1f} %</small>".replace("-", "−")
+    words = MARKS[figure.mark]
+    sign = f'<span class="{figure.mark}" title="{words}">{words.split()[0]}</span>'
+    unit = f" {figure.unit}" if figure.unit == "%" else ""
+    return f'<td class="number">{sign} {number(figure.value)}{unit}{error}</td>'
+
+
+def _table(header: str, rows: Iterable[str]) -> str:
     return (
-        f'<div class="verdict">{verdict}</div><div class="scroll"><table><thead><tr>{header}'
-        f"</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
-        f'<p class="note">{legend}. The range comes from random parts of the exemplar, measured in '
-        "the same way: by so much one specimen of this material differs from another.</p>"
+        f'<div class="scroll"><table><thead><tr>{header}</tr></thead>'
+        f"<tbody>{''.join(rows)}</tbody></table></div>"
     )
 
 

@@ -54,10 +54,22 @@ WORDS = {
         "The same against the exemplar's own contrast.",
     ),
     "copy_fraction": ("Copied share", "How much continues the exemplar word for word?"),
+    "slice_score_percent": (
+        "Slices' error",
+        "How far are the slices from the images, on the whole?",
+    ),
+    "thickness": ("Thickness", "Are the walls in the slices as thick?"),
+    "spacing": ("Spacing", "Are the pores in the slices as wide?"),
+    "perimeter": ("Perimeter", "Has the solid in the slices as long a border?"),
+    "holes": ("Holes", "Are as many pores closed in?"),
+    "tips": ("Tips", "Do more walls in the slices end in the pore?"),
+    "gradient": ("Sharpness", "Are the slices as crisp as the image?"),
     "mean_copied_block": ("Mean copied block", "How large are the copied blocks?"),
 }
 PATTERNS = {
     r"phase_fraction_(.+)": ("Share of phase {}", "How much of the volume is this phase?"),
+    r"mean(?:_(.+))?": ("Mean {}", "Is it as bright?"),
+    r"standard_deviation(?:_(.+))?": ("Standard deviation {}", "Has it as much contrast?"),
     r"novelty_(\d+)": ("Novelty, blocks of {}³", "Are blocks of this size new, or found again?"),
     r"novelty_(\d+)_mirrors": (
         "Novelty, {}³, mirrored",
@@ -83,7 +95,7 @@ def explain(name: str) -> tuple[str, str]:
         return WORDS[name]
     for pattern, (label, question) in PATTERNS.items():
         if match := re.fullmatch(pattern, name):
-            return label.format(match[1]), question
+            return label.format((match[1] or "").replace("_", " ")).strip(), question
     return name.replace("_", " "), ""
 
 

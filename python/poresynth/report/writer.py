@@ -20,13 +20,14 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from poresynth.comparison import Comparison
+    from poresynth.metrics.sections import Images
 
 __all__ = ["reserved", "write_report"]
 
 
 def write_report(
     directory: str | PathLike[str],
-    exemplar: Volume | npt.ArrayLike,
+    exemplar: Images,
     volume: Volume | npt.ArrayLike,
     comparison: Comparison,
     *,
@@ -41,7 +42,8 @@ def write_report(
     directory : path_like
         Folder of the report; made if it does not exist. Its parent must exist.
     exemplar, volume : Volume or array_like
-        What was compared, shape (z, y, x) or (z, y, x, channel).
+        What was compared, shape (z, y, x) or (z, y, x, channel); the exemplar may be a mapping of
+        images by axis.
     comparison : Comparison
         Its figures and curves, from `poresynth.compare`.
     energy : sequence, optional
@@ -66,7 +68,7 @@ def write_report(
     -----
     Peak memory: 60 bytes for each voxel shown, at most 256³ of each volume.
     """
-    exemplar, volume = as_volume(exemplar), as_volume(volume)
+    volume = as_volume(volume)
     directory = Path(directory)
     now = datetime.datetime.now().astimezone()
     text = render(exemplar, volume, comparison, energy, configuration, command, now)
