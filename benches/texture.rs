@@ -145,6 +145,7 @@ fn whole(c: &mut Criterion) {
     let plan = LevelPlan {
         stages: vec![Stage { window: 8, step: 4 }, Stage { window: 4, step: 2 }],
         iterations: 6,
+        filters: None,
         response_steps: [0; 2],
         backend: Backend::Coherent,
         mixing: Mixing::MEAN,
@@ -160,7 +161,6 @@ fn whole(c: &mut Criterion) {
         variance: 0.95,
         emphasis: Emphasis::None,
         match_histogram: true,
-        filters: None,
         index_weight: IndexWeight::Off,
         run_penalty: 0.3,
         run_reach: 12,

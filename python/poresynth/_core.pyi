@@ -14,6 +14,7 @@ __all__ = [
     "cavities",
     "component_sizes",
     "component_statistics",
+    "connect_phase",
     "cut_phases",
     "cut_solid",
     "describe_windows",
@@ -189,6 +190,17 @@ def component_statistics(
     npt.NDArray[np.bool_],
     npt.NDArray[np.uint32] | None,
 ]: ...
+def connect_phase(
+    phase: npt.NDArray[np.bool_],
+    score: npt.NDArray[np.float32],
+    *,
+    connectivity: int,
+    boundary: str,
+    smallest: int,
+    width: float,
+    free: npt.NDArray[np.bool_] | None = None,
+    threads: int = 0,
+) -> tuple[npt.NDArray[np.bool_], int, int, int, int]: ...
 def cavities(solid: npt.NDArray[np.bool_], *, connectivity: int, threads: int = 0) -> int: ...
 def keep_parts(
     solid: npt.NDArray[np.bool_],

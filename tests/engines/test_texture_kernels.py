@@ -18,6 +18,8 @@ from poresynth.errors import ParameterError
 LEVEL = {
     "stages": [(4, 2)],
     "iterations": 1,
+    "filters": 0,
+    "filter_edge": 0,
     "response_steps": (0, 0),
     "search": "brute_force",
     "candidates": 10,
@@ -31,8 +33,6 @@ OPTIONS = {
     "patience": 3,
     "start": "blocks",
     "block": 4,
-    "filters": 0,
-    "filter_edge": 0,
     "components": 64,
     "variance": 1.0,
     "emphasis": "none",

@@ -15,6 +15,7 @@ __all__ = ["ENGINES", "get_engine"]
 # Name on the command line → module and class, imported when first asked for.
 ENGINES: dict[str, tuple[str, str]] = {
     "volume": ("poresynth.engines.volume_texture", "VolumeTexture"),
+    "solid": ("poresynth.engines.solid_texture", "SolidTexture"),
 }
 
 

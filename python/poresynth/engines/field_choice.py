@@ -99,6 +99,6 @@ def explained_share(gray: npt.NDArray[Any], phases: Phases) -> float:
 
 
 def _neighbours(values: npt.NDArray[np.float64]) -> float:
-    """Return the mean product of neighbouring voxels, a mean of the three axes."""
-    lines = (np.moveaxis(values, axis, 0) for axis in range(3))
+    """Return the mean product of neighbouring voxels, a mean of the axes (of an image, two)."""
+    lines = (np.moveaxis(values, axis, 0) for axis in range(3) if values.shape[axis] > 1)
     return float(np.mean([np.mean(line[1:] * line[:-1]) for line in lines]))

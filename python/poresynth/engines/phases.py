@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -104,6 +104,10 @@ class Phases:
     ) -> npt.NDArray[np.bool_]:
         """Return the solid of a gray or binary volume."""
         return np.asarray(binarize(structure, value, solid))
+
+    def with_phase(self, phase: npt.NDArray[np.uint8]) -> Phases:
+        """Return the same phases, as other voxels show them."""
+        return replace(self, phase=phase)
 
     def phase_of(self, array: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
         """Return the phase indices of other voxels of the same material (shape (z, y, x[, c]))."""

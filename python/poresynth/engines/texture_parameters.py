@@ -106,4 +106,6 @@ def resolve(given: dict[str, Any]) -> TextureParameters:
         If a parameter is unknown or outside its range.
     """
     chosen = named(given)
-    return checked(TextureParameters, {**PRESETS.get(chosen.get("preset", "quality"), {}), **chosen})
+    return checked(
+        TextureParameters, {**PRESETS.get(chosen.get("preset", "quality"), {}), **chosen}
+    )

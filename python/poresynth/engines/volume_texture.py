@@ -434,6 +434,8 @@ class VolumeTexture:
         level = {
             **p.model_dump(include={"iterations", "search", "candidates"}),
             "stages": p.stages(),
+            "filters": 0,
+            "filter_edge": 0,
             "response_steps": (0, 0),
             "bandwidth": None,
             "relaxation": 1.0,
@@ -443,8 +445,6 @@ class VolumeTexture:
             **shared,
             "levels": [level] * p.levels,
             "start": "blocks",
-            "filters": 0,
-            "filter_edge": 0,
             "patience": PATIENCE,
             "emphasis": "none",
             "match_histogram": True,

@@ -3,6 +3,7 @@
 
 mod cancellable;
 mod components;
+mod connect;
 mod correlation;
 mod euler;
 mod geometry;
@@ -42,6 +43,8 @@ mod _core {
 
     #[pymodule_export]
     use super::components::{cavities, component_statistics, keep_parts};
+    #[pymodule_export]
+    use super::connect::connect_phase;
     #[pymodule_export]
     use super::correlation::{
         local_porosity, novelty, run_lengths, two_point, two_point_cluster, two_point_map,

@@ -27,8 +27,6 @@ pub(super) struct Options {
     patience: usize,
     start: String,
     block: usize,
-    filters: usize,
-    filter_edge: usize,
     components: usize,
     variance: f32,
     emphasis: String,
@@ -48,6 +46,8 @@ pub(super) struct Options {
 struct LevelOptions {
     stages: Vec<(usize, usize)>,
     iterations: usize,
+    filters: usize,
+    filter_edge: usize,
     response_steps: [usize; 2],
     search: String,
     candidates: usize,
@@ -61,6 +61,8 @@ impl LevelOptions {
         Ok(LevelPlan {
             stages: self.stages.iter().map(|&(window, step)| Stage { window, step }).collect(),
             iterations: self.iterations,
+            filters: (self.filters > 0)
+                .then_some(FilterBank { filters: self.filters, edge: self.filter_edge }),
             response_steps: self.response_steps,
             backend: backend(&self.search, self.candidates)?,
             mixing: Mixing { bandwidth: self.bandwidth, relaxation: self.relaxation },
@@ -100,8 +102,6 @@ impl Options {
                     return Err(Error::parameter("start", other, allowed));
                 }
             },
-            filters: (self.filters > 0)
-                .then_some(FilterBank { filters: self.filters, edge: self.filter_edge }),
             boundary: self.boundary.parse()?,
             tolerance: self.tolerance,
             patience: self.patience,

@@ -180,7 +180,7 @@ impl<'a> Run<'a> {
                 Quantiles::new(&all)
             })
             .collect();
-        let matching = match p.filters {
+        let matching = match plan.filters {
             Some(bank) => {
                 let size = (self.made.field.channels(), self.made.field.shape());
                 Some(ResponseMatching::new(&targets(self.examples, sources), size, bank)?)
@@ -202,7 +202,7 @@ impl<'a> Run<'a> {
         let shape = self.levels.shapes[level];
         let Synthesis { field, maps, .. } = &mut self.made;
         if shape != field.shape() {
-            *field = if self.parameters.filters.is_some() {
+            *field = if self.parameters.levels[level].filters.is_some() {
                 let mut values = Vec::new();
                 for c in 0..field.channels() {
                     // Interpolation would leave a lattice, which the responses of few voxels show.

@@ -55,6 +55,9 @@ pub struct LevelPlan {
     pub stages: Vec<Stage>,
     /// Most iterations of a window.
     pub iterations: usize,
+    /// Filters of response matching, of which a step also follows every iteration of a window; for a
+    /// periodic output of images only.
+    pub filters: Option<FilterBank>,
     /// Steps of response matching before the first window and after the last.
     pub response_steps: [usize; 2],
     /// How matches are found.
@@ -122,9 +125,6 @@ pub struct Parameters {
     pub variance: f32,
     pub emphasis: Emphasis,
     pub match_histogram: bool,
-    /// Filters of response matching, of which a step also follows every iteration of a window; a
-    /// periodic output of images only.
-    pub filters: Option<FilterBank>,
     pub index_weight: IndexWeight,
     pub run_penalty: f32,
     pub run_reach: usize,
@@ -207,7 +207,8 @@ impl Parameters {
             ));
         }
         let images = examples.iter().all(|example| example.normal.is_some());
-        let fourier = p.filters.is_some() || p.start == Start::RandomField;
+        let matched = p.levels.iter().any(|plan| plan.filters.is_some());
+        let fourier = matched || p.start == Start::RandomField;
         if fourier && !(images && p.boundary == Boundary::Periodic) {
             let allowed = "must be periodic, and made of images, where responses are matched";
             return Err(Error::parameter("boundary", p.boundary, allowed));

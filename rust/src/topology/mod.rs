@@ -1,6 +1,7 @@
 //! What is connected to what.
 
 mod bit_rows;
+pub mod connect;
 mod contacts;
 pub mod euler;
 mod forest;

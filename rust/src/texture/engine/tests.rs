@@ -23,8 +23,15 @@ fn exemplar(channels: usize) -> Field {
 
 fn plan(iterations: usize, backend: Backend) -> LevelPlan {
     let stages = vec![Stage { window: 6, step: 3 }, Stage { window: 4, step: 2 }];
-    let response_steps = [0; 2];
-    LevelPlan { stages, iterations, response_steps, backend, mixing: Mixing::MEAN, mode_steps: 0 }
+    LevelPlan {
+        stages,
+        iterations,
+        filters: None,
+        response_steps: [0; 2],
+        backend,
+        mixing: Mixing::MEAN,
+        mode_steps: 0,
+    }
 }
 
 /// As many iterations of coherent search at each of so many levels.
@@ -47,7 +54,6 @@ fn parameters() -> Parameters {
         variance: 0.95,
         emphasis: Emphasis::None,
         match_histogram: true,
-        filters: None,
         index_weight: IndexWeight::Off,
         run_penalty: 0.3,
         run_reach: 6,

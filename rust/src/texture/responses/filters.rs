@@ -13,15 +13,19 @@ pub(super) struct Filter {
 }
 
 impl Filter {
-    /// Draws a filter: normal noise, or the difference of two patches of one of the images.
-    pub fn draw(images: &[&Field], edge: usize, difference: bool, key: Key) -> Self {
+    /// Draws a filter: the difference of two patches of one of the images.
+    ///
+    /// Such differences point where the images' patches vary. Noise, which points everywhere alike,
+    /// would spend its responses on what hardly varies: with half of the filters noise, features came
+    /// out a fifth too thick, and with all of them half as thick again.
+    pub fn draw(images: &[&Field], edge: usize, key: Key) -> Self {
         let channels = images[0].channels();
         let directions = rotation(channels, key.with(0));
         let noise = || (0..(edge * edge) as u64).map(|i| key.with(1).normal(i)).collect();
-        let patches = || patch_difference(images, &directions[..channels], edge, key.with(2));
-        let taps = difference.then(|| unit(patches())).flatten();
+        let patches = patch_difference(images, &directions[..channels], edge, key.with(2));
         // Two equal patches have no direction.
-        let taps = taps.or_else(|| unit(noise())).unwrap_or_else(|| vec![1.0; edge * edge]);
+        let taps =
+            unit(patches).or_else(|| unit(noise())).unwrap_or_else(|| vec![1.0; edge * edge]);
         Self { taps, directions }
     }
 

@@ -203,12 +203,11 @@ impl<'a> ResponseMatching<'a> {
         Ok(sum / responses as f64)
     }
 
-    /// Half of the filters are noise, half differences of patches.
     fn draw(&self, key: Key) -> Vec<Filter> {
         let images: Vec<&Field> = self.targets.iter().map(|target| target.image).collect();
         let FilterBank { filters, edge } = self.bank;
         (0..filters)
-            .map(|k| Filter::draw(&images, edge, 2 * k >= filters, key.with(k as u64)))
+            .map(|k| Filter::draw(&images, edge, key.with(k as u64)))
             .collect()
     }
 
