@@ -175,7 +175,8 @@ class DistanceField:
     def _place(self, distance: Field) -> npt.NDArray[np.float32]:
         """Return distances in bins of half a voxel, from 0: finer ones would hold few pixels."""
         place: Field = (distance - np.float32(127.5)) * np.float32(self._clip / 63.75)
-        return place + np.float32(2 * self._clip)
+        place += np.float32(2 * self._clip)
+        return place
 
 
 def _at(place: Field, curve: Field) -> Field:

@@ -45,6 +45,8 @@ def choose_mode(
     if parameters.mode != "auto":
         reason = "as asked" if given.get("mode") else f"of the preset {parameters.preset}"
         return parameters.mode, f"{parameters.mode}, {reason}"
+    if images.images[0].channels > 1:
+        return "structured", "structured, which keeps colours together"
     if parameters.levels == 1 or len(images.phases.labels) > 2:
         what = "one level" if parameters.levels == 1 else "several phases"
         return "responses", f"responses, for there is no trial of {what}"
