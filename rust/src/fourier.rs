@@ -138,7 +138,9 @@ impl Transform {
                     }
                     let row = row.as_slice_mut().unwrap_or_default();
                     transformed(self.inverse_x.process_with_scratch(row, values, scratch));
-                    values.iter_mut().for_each(|v| *v *= scale);
+                    for v in values {
+                        *v *= scale;
+                    }
                 }
                 Ok(())
             },

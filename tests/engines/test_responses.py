@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy import ndimage
 from tests.references import response_matching as twin
 from tests.references.random_key import Key
 
 from poresynth import _core
-from poresynth.errors import ParameterError
 
 Image = tuple[int, np.ndarray, bool, float]
 
@@ -22,9 +19,7 @@ def smooth(shape: tuple[int, ...], seed: int, sigma: float = 1.0) -> np.ndarray:
     return (255 * (blurred - blurred.min()) / np.ptp(blurred)).astype(np.float32)
 
 
-def match(
-    volume: np.ndarray, images: list[Image], **change: int
-) -> tuple[np.ndarray, list[float]]:
+def match(volume: np.ndarray, images: list[Image], **change: int) -> tuple[np.ndarray, list[float]]:
     options = {"steps": 1, "filters": 4, "edge": 4, "seed": 3, **change}
     return _core.match_responses(volume, images, **options)
 
@@ -45,9 +40,7 @@ def test_a_step_equals_the_numpy_twin(channels: int, axes: tuple[int, ...]) -> N
     got, energies = _core.match_responses(
         volume, images, steps=1, filters=filters, edge=edge, seed=seed
     )
-    want, energy = twin.step(
-        volume.astype(float), images, filters, edge, Key.new(seed).with_(0)
-    )
+    want, energy = twin.step(volume.astype(float), images, filters, edge, Key.new(seed).with_(0))
     assert energies[0] == pytest.approx(energy, rel=5e-3)
     for c in range(channels):
         values = np.concatenate([image[c].ravel() for _, image, *_ in images])

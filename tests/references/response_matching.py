@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from tests.references.random_key import Key
 
+STEP = 2
+GROUP = 4
 BINS = 2048
 Target = tuple[int, np.ndarray, bool, float]
 
@@ -30,21 +32,19 @@ def rotation(n: int, key: Key) -> np.ndarray:
     return np.array(basis)
 
 
-def draw(images: Sequence[np.ndarray], edge: int, difference: bool, key: Key) -> tuple:
+def draw(images: Sequence[np.ndarray], edge: int, key: Key) -> tuple:
     """A unit filter (edge, edge) and its directions in channel space, one a row."""
     directions = rotation(len(images[0]), key.with_(0))
-    taps = np.zeros((edge, edge))
-    if difference:
-        patches = key.with_(2)
-        image = np.tensordot(directions[0], images[patches.below(0, len(images))], 1)
-        (y0, x0), (y1, x1) = (
-            (
-                patches.below(i, image.shape[0] - edge + 1),
-                patches.below(i + 1, image.shape[1] - edge + 1),
-            )
-            for i in (1, 3)
+    patches = key.with_(2)
+    image = np.tensordot(directions[0], images[patches.below(0, len(images))], 1)
+    (y0, x0), (y1, x1) = (
+        (
+            patches.below(i, image.shape[0] - edge + 1),
+            patches.below(i + 1, image.shape[1] - edge + 1),
         )
-        taps = image[y0 : y0 + edge, x0 : x0 + edge] - image[y1 : y1 + edge, x1 : x1 + edge]
+        for i in (1, 3)
+    )
+    taps = image[y0 : y0 + edge, x0 : x0 + edge] - image[y1 : y1 + edge, x1 : x1 + edge]
     if not taps.any():
         noise = [normal(key.with_(1), i) for i in range(edge * edge)]
         taps = np.array(noise).reshape(edge, edge)
@@ -64,10 +64,8 @@ def cumulative(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def transported(values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Values of the same rank of another distribution, both even within their bins."""
     edges, below = cumulative(values.ravel())
-    if edges[0] == edges[-1]:
-        ranks = np.full(values.shape, 0.5)
-    else:
-        ranks = np.interp(values, edges, below)
+    flat = edges[0] == edges[-1]
+    ranks = np.full(values.shape, 0.5) if flat else np.interp(values, edges, below)
     edges, below = cumulative(wanted)
     return np.interp(ranks, *first_of_equal(below, edges))
 
@@ -90,9 +88,7 @@ def symmetries(taps: np.ndarray, symmetric: bool) -> list[np.ndarray]:
 
 def correlated(volume: np.ndarray, taps: np.ndarray, axis: int) -> np.ndarray:
     axes = [a for a in range(3) if a != axis]
-    return sum(
-        tap * np.roll(volume, (-j, -i), axes) for (j, i), tap in np.ndenumerate(taps)
-    )
+    return sum(tap * np.roll(volume, (-j, -i), axes) for (j, i), tap in np.ndenumerate(taps))
 
 
 def spread(values: np.ndarray, taps: np.ndarray, axis: int) -> np.ndarray:
@@ -112,22 +108,34 @@ def step(
 ) -> tuple[np.ndarray, float]:
     """One step on a volume (channel, z, y, x), without the matching of its values."""
     images = [image for _, image, *_ in targets]
-    bank = [
-        draw(images, edge, 2 * k >= filters, key.with_(0).with_(k)) for k in range(filters)
-    ]
+    bank = [draw(images, edge, key.with_(0).with_(k)) for k in range(filters)]
+    start = key.with_(1).below(0, STEP**2)
     asked = np.zeros(volume.shape)
     seen = np.zeros(volume.shape[1:])
     squares = []
     for axis, image, symmetric, weight in targets:
-        for taps, directions in bank:
-            seen += weight * power(taps, axis, volume.shape[1:])
+        for k, (taps, directions) in enumerate(bank):
+            looked = places(volume.shape[1:], axis, (start + k // GROUP) % STEP**2)
+            seen += weight * looked.mean() * power(taps, axis, volume.shape[1:])
             for direction in directions:
                 found = correlated(np.tensordot(direction, volume, 1), taps, axis)
                 mixed = np.tensordot(direction, image, 1)
                 wanted = [responses_inside(mixed, t) for t in symmetries(taps, symmetric)]
-                change = transported(found, np.concatenate(wanted)) - found
-                squares.append((change**2).mean())
+                change = np.zeros(found.shape)
+                change[looked] = transported(found[looked], np.concatenate(wanted)) - found[looked]
+                squares.append(change[looked] ** 2)
                 back = weight * spread(change, taps, axis)
                 asked += direction[:, None, None, None] * back
     spectrum = np.fft.fftn(asked, axes=(1, 2, 3)) / (seen + 0.05 * seen.mean())
-    return volume + np.fft.ifftn(spectrum, axes=(1, 2, 3)).real, float(np.mean(squares))
+    moved = volume + np.fft.ifftn(spectrum, axes=(1, 2, 3)).real
+    return moved, float(np.concatenate(squares).mean())
+
+
+def places(shape: tuple[int, ...], axis: int, turn: int) -> np.ndarray:
+    """Where a group of filters looks: every second row and column of each slice."""
+    looked = np.ones(shape, bool)
+    for along, first in zip((a for a in range(3) if a != axis), divmod(turn, STEP), strict=True):
+        at = np.arange(shape[along])
+        on = (at >= first) & ((at - first) % STEP == 0)
+        looked &= np.expand_dims(on, [a for a in range(3) if a != along])
+    return looked

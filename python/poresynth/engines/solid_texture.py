@@ -106,7 +106,7 @@ class SolidTexture:
     filter_edge : int, default 3
         Edge of a filter, voxels. Filters of 3 and 4 left a third of the excess skeleton tips that
         filters of 8 left.
-    response_steps : tuple of int, default (60, 40, 15)
+    response_steps : tuple of int, default (100, 60, 15), (40, 15, 10) in mode "structured"
         Steps of response matching at each level, coarse to fine; the last number goes on.
     final_steps : int, default 0
         Steps of response matching after the last neighbourhoods.

@@ -30,9 +30,10 @@ impl Range {
     }
 }
 
-/// Counts values in the bins of a range.
-#[inline(always)]
-pub(super) fn count(values: &[f32], low: f32, scale: f32, counts: &mut [u32; BINS]) {
+/// Counts values in the [`BINS`] bins of a range.
+pub(super) fn count(values: &[f32], range: Range, counts: &mut [u32]) {
+    let (low, scale) = (range.low, range.scale());
+    let counts = &mut counts[..BINS];
     for &v in values {
         // A negative number becomes 0.
         let bin = ((v - low) * scale) as u32 as usize;
@@ -119,8 +120,7 @@ impl Correction {
         Self { low: from.range.low, scale: from.range.scale(), table }
     }
 
-    /// Replaces values by what is to be added to them; returns the sum of its squares.
-    #[inline(always)]
+    /// Replaces values by what is to be added to them.
     pub fn apply(&self, values: &mut [f32]) {
         let table = &self.table[..BINS];
         for v in values {

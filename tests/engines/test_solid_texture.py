@@ -1,0 +1,275 @@
+"""Volumes from images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from poresynth import _core
+from poresynth.engines.roughness import interface_density, smoothing_like
+from poresynth.engines.solid_texture import SolidTexture
+from poresynth.errors import FileError, ParameterError
+from poresynth.volume import Volume
+
+SHAPE = (32, 32, 32)
+FAST: dict[str, Any] = {
+    "mode": "responses",
+    "levels": 2,
+    "filters": 8,
+    "response_steps": (8, 4),
+}
+PUBLISHED: dict[str, Any] = {"levels": 2, "iterations": (2,)}
+
+
+def blobs(seed: int = 0, shape: tuple[int, int] = (48, 44), share: float = 0.4) -> np.ndarray:
+    """A binary image."""
+    smooth = ndimage.gaussian_filter(np.random.default_rng(seed).random(shape), 2, mode="wrap")
+    return smooth > np.quantile(smooth, 1 - share)
+
+
+def grays(seed: int = 0) -> np.ndarray:
+    noise = np.random.default_rng(seed + 100).normal(0, 8, (48, 44))
+    smooth = ndimage.gaussian_filter(np.where(blobs(seed), 180.0, 60.0), 0.8)
+    return np.clip(smooth + noise, 0, 255).astype(np.uint8)
+
+
+def colours(seed: int = 0) -> np.ndarray:
+    base = grays(seed).astype(float)
+    return np.stack([base, 255 - base, 0.5 * base + 40], axis=-1).astype(np.uint8)
+
+
+def make(image: Any, shape: tuple[int, int, int] = SHAPE, **parameters: Any) -> Any:
+    options = {**FAST, **parameters}
+    sampled = {
+        k: options.pop(k) for k in ("seed", "boundary", "porosity", "threads") if k in options
+    }
+    return SolidTexture(**options).fit(image).sample(shape, **sampled)
+
+
+@pytest.mark.parametrize("dtype", [bool, np.uint8, np.uint16, np.float32])
+def test_a_binary_image_gives_its_values_in_its_shares(dtype: type) -> None:
+    image = blobs().astype(dtype)
+    made = make(image)
+    assert (made.shape, made.dtype) == (SHAPE, image.dtype)
+    assert set(np.unique(made.array)) == set(np.unique(image))
+    assert abs(made.array.mean(dtype=float) - image.mean(dtype=float)) <= 1 / made.array.size
+
+
+def test_images_may_have_an_axis_of_one_and_a_voxel_size() -> None:
+    image = grays()
+    plain = make(image)
+    volume = make(Volume(image[None], (2.0, 2.0, 2.0), "µm"))
+    np.testing.assert_array_equal(plain.array, volume.array)
+    assert (volume.voxel_size, volume.unit) == ((2.0, 2.0, 2.0), "µm")
+
+
+@pytest.mark.parametrize("porosity", [None, 0.3])
+def test_gray_values_cut_at_the_images_threshold_give_the_wanted_porosity(
+    porosity: float | None,
+) -> None:
+    engine = SolidTexture(**FAST).fit(grays())
+    made = engine.sample(SHAPE, porosity=porosity)
+    wanted = engine.porosity_ if porosity is None else porosity
+    assert engine.threshold_ is not None
+    found = np.mean(made.array <= engine.threshold_)
+    assert abs(found - wanted) <= 1.5 / made.array.size
+    if porosity is None:
+        assert abs(made.array.mean() - grays().mean()) < 0.5
+        assert abs(made.array.std() - grays().std()) < 0.5
+
+
+@pytest.mark.parametrize("mode", ["responses", "structured"])
+def test_the_seed_decides_and_the_threads_do_not(mode: str) -> None:
+    one, two, other = (
+        make(grays(), mode=mode, iterations=(2,), seed=seed, threads=threads).array
+        for seed, threads in ((3, 1), (3, 2), (4, 2))
+    )
+    np.testing.assert_array_equal(one, two)
+    assert (one != other).any()
+
+
+def test_a_periodic_volume_has_no_seam_and_an_open_one_any_shape() -> None:
+    periodic = make(grays(), boundary="periodic").array.astype(float)
+    steps = [np.abs(np.roll(periodic, -1, 0) - periodic)[k].mean() for k in range(SHAPE[0])]
+    assert steps[-1] <= 1.3 * max(steps[:-1])
+    assert make(grays(), (33, 34, 35)).shape == (33, 34, 35)
+
+
+def test_three_phases_keep_their_shares() -> None:
+    smooth = ndimage.gaussian_filter(np.random.default_rng(2).random((48, 48)), 2, mode="wrap")
+    image = np.digitize(smooth, np.quantile(smooth, [0.3, 0.6])).astype(np.uint8) * 7
+    made = make(image).array
+    assert set(np.unique(made)) == {0, 7, 14}
+    for label in (0, 7, 14):
+        assert abs(np.mean(made == label) - np.mean(image == label)) < 2 / made.size
+
+
+@pytest.mark.parametrize("mode", ["responses", "structured"])
+def test_colours_keep_their_means_and_deviations(mode: str) -> None:
+    """prieto_2011 Table 1: means within 1 %, standard deviations within 2 %."""
+    image = colours()
+    made = make(image, mode=mode, iterations=(1,)).array
+    assert made.shape == (*SHAPE, 3)
+    for own, new in zip(np.moveaxis(image, -1, 0), np.moveaxis(made, -1, 0), strict=True):
+        assert abs(new.mean() / own.mean() - 1) < 0.01
+        assert abs(new.std() / own.std() - 1) < 0.02
+
+
+def test_each_axis_gets_its_own_image() -> None:
+    rows = np.zeros((48, 48), bool)
+    rows[np.arange(48) % 8 < 4] = True
+    # Across z stripes along columns; across x the same stripes, seen from their side.
+    made = make([rows.T, np.ones((48, 48), bool) & rows.T], axes=("z", "y")).array
+    changes = [np.count_nonzero(np.diff(made.astype(np.int8), axis=a)) for a in range(3)]
+    assert changes[2] > 2 * changes[0]
+    assert changes[2] > 2 * changes[1]
+
+
+def test_planes_across_an_axis_that_is_left_out_are_free() -> None:
+    image = blobs()
+    for axes in (("z",), ("y", "x")):
+        made = make(image, axes=axes)
+        assert made.metadata["poresynth"]["parameters"]["axes"] == list(axes)
+    weighted = make(image, weights=(1.0, 1.0, 5.0)).array
+    assert (weighted != make(image).array).any()
+
+
+def test_a_feature_channel_comes_from_the_solid_or_from_masks() -> None:
+    image = grays()
+    mask = np.zeros(image.shape, bool)
+    mask[10:30, 10:30] = True
+    plain = make(image, field="intensity")
+    own = make(image, field="intensity", feature="distance")
+    engine = SolidTexture(**FAST, field="intensity", feature="distance").fit(image, [mask])
+    masked = engine.sample(SHAPE)
+    assert len({v.array.tobytes() for v in (plain, own, masked)}) == 3
+
+
+def test_known_voxels_are_kept_and_those_outside_a_mask_are_pore() -> None:
+    image = blobs().astype(np.uint8)
+    known = np.zeros(SHAPE, np.uint8)
+    known[:8] = np.tile(image[:32, :32], (8, 1, 1))
+    on = np.zeros(SHAPE, bool)
+    on[:8] = True
+    mask = np.ones(SHAPE, bool)
+    mask[:, :, 28:] = False
+    engine = SolidTexture(**FAST).fit(image)
+    made = engine.sample(SHAPE, known=known, known_mask=on, mask=mask).array
+    np.testing.assert_array_equal(made[:8, :, :28], known[:8, :, :28])
+    assert (made[:, :, 28:] == 0).all()
+
+
+def test_a_connected_phase_is_one_piece_with_as_many_voxels() -> None:
+    image = blobs(share=0.25)
+    loose, joined = make(image).array, make(image, connected="solid")
+    sizes = _core.component_sizes(joined.array, connectivity=26, boundary="open", threads=1)
+    assert len(sizes) == 1
+    assert joined.array.sum() == loose.sum()
+    repair = joined.metadata["poresynth"]["repair"]["solid"]
+    assert repair["joined"] + repair["erased"] > 0
+    assert (repair["apart"], repair["missing"]) == (0, 0)
+
+
+@pytest.mark.parametrize("preset", ["prieto", "kopf", "chen_wang"])
+def test_the_published_methods_run(preset: str) -> None:
+    options = {**PUBLISHED, "windows": (8,), "steps": (4,)}
+    engine = SolidTexture(preset=preset, **options).fit(grays())  # type: ignore[arg-type]
+    made = engine.sample(SHAPE, seed=1)
+    assert engine.mode_ == "structured"
+    assert engine.mode_reason_ == f"structured, of the preset {preset}"
+    assert made.energy[-1].energy < made.energy[0].energy
+    assert abs(made.array.mean() - grays().mean()) < 0.5
+
+
+def test_without_a_named_mode_the_better_slices_decide() -> None:
+    engine = SolidTexture(response_steps=(4, 2), filters=4, levels=2).fit(blobs())
+    assert engine.mode_ in ("responses", "structured")
+    assert "responses" in engine.mode_reason_
+    assert "structured" in engine.mode_reason_
+    assert engine.parameters_.mode == engine.mode_
+    assert SolidTexture(levels=2).fit(colours()).mode_ == "structured"
+
+
+def test_a_saved_engine_makes_the_same_volume(tmp_path: Path) -> None:
+    engine = SolidTexture(**FAST, axes=("z", "x")).fit([grays(0), grays(1)])
+    engine.save(tmp_path / "engine.npz")
+    loaded = SolidTexture.load(tmp_path / "engine.npz")
+    assert loaded.parameters_ == engine.parameters_
+    np.testing.assert_array_equal(loaded.sample(SHAPE).array, engine.sample(SHAPE).array)
+    (tmp_path / "other.npz").write_bytes(b"nothing")
+    with pytest.raises(FileError):
+        SolidTexture.load(tmp_path / "other.npz")
+
+
+def test_the_provenance_says_how_it_was_made() -> None:
+    origin = make(grays(), seed=5).metadata["poresynth"]
+    assert origin["engine"] == "solid"
+    assert (origin["seed"], origin["shape"]) == (5, list(SHAPE))
+    assert origin["exemplar"]["kind"] == "gray"
+    assert origin["mode_reason"] == "responses, as asked"
+    assert origin["smoothing"] >= 0
+    several = make([grays(0), grays(1)]).metadata["poresynth"]
+    assert [e["kind"] for e in several["exemplar"]] == ["gray", "gray"]
+    assert several["parameters"]["axes"] == ["z", "y"]
+
+
+@pytest.mark.parametrize(
+    ("image", "parameters", "message"),
+    [
+        (grays()[:20], {}, "at least 16|at least 32"),
+        (np.zeros((20, 40, 40), np.uint8), {}, "must be an image"),
+        ([grays()] * 4, {}, "one to three"),
+        ([grays(), colours()], {}, "as the first image"),
+        ([grays(), grays().astype(np.uint16)], {}, "as the first image"),
+        ([grays(), grays(1)], {"axes": ("z",)}, "one axis for each"),
+        (grays(), {"axes": ("z", "z")}, "named once"),
+        (grays(), {"steps": (9,)}, "none larger"),
+        (grays(), {"clip": 0}, "clip"),
+        (np.full((40, 40), 3, np.uint8), {}, "."),
+        (np.full((40, 40), np.nan, np.float32), {}, "."),
+    ],
+)
+def test_what_does_not_fit_is_refused(image: Any, parameters: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        SolidTexture(**{**FAST, "levels": 3, **parameters}).fit(image)
+
+
+def test_requests_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(ParameterError, match="fit"):
+        SolidTexture().sample(SHAPE)
+    engine = SolidTexture(**FAST).fit(grays())
+    with pytest.raises(ParameterError, match="shape"):
+        engine.sample((8, 32, 32))
+    with pytest.raises(ParameterError, match="masks"):
+        SolidTexture(**FAST).fit(grays(), [blobs()])
+    with pytest.raises(ParameterError, match="masks"):
+        SolidTexture(**FAST, feature="distance").fit(grays(), [np.ones((48, 44), bool)])
+
+
+def test_interfaces_are_counted_in_the_plane() -> None:
+    stripes = np.zeros((4, 8, 8), bool)
+    stripes[:, ::2] = True
+    assert interface_density(stripes, 1) == 0
+    assert interface_density(stripes, 0) == pytest.approx(0.5)
+    board = np.indices((6, 6, 6)).sum(axis=0) % 2 == 0
+    assert [interface_density(board, axis) for axis in range(3)] == [1, 1, 1]
+
+
+def test_the_blur_gives_sections_the_density_of_the_image() -> None:
+    image = blobs(shape=(96, 96))
+    engine = SolidTexture(**FAST).fit(image)
+    rng = np.random.default_rng(1)
+    smooth = ndimage.gaussian_filter(rng.random((64, 64, 64)), 2, mode="wrap").astype(np.float32)
+    rough = smooth + rng.normal(0, 0.8 * smooth.std(), smooth.shape).astype(np.float32)
+    sigma = smoothing_like(engine._images, rough, 0)
+    assert 0.2 < sigma < 2
+    blurred = _core.gaussian(rough[None], sigma, boundary="open")[0]
+    solid = blurred > np.quantile(blurred, 1 - image.mean())
+    found = np.mean([interface_density(solid, axis) for axis in range(3)])
+    assert found == pytest.approx(interface_density(image[None], 0), rel=0.05)
+    flat = ndimage.gaussian_filter(smooth, 6, mode="wrap")
+    assert smoothing_like(engine._images, flat, 0) == 0
