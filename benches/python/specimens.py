@@ -94,9 +94,9 @@ SCANS = (
 )
 
 # Drawn with one seed for the exemplar, with the next for the second specimen.
-PROCEDURAL: dict[str, Callable[[int], Volume]] = {
-    "spinodal": lambda seed: exemplars.spinodal(CORNER, porosity=0.5, seed=seed),
-    "open-cell foam": lambda seed: exemplars.foam(CORNER, seed=seed),
+PROCEDURAL: dict[str, Callable[[tuple[int, int, int], int], Volume]] = {
+    "spinodal": lambda shape, seed: exemplars.spinodal(shape, porosity=0.5, seed=seed),
+    "open-cell foam": lambda shape, seed: exemplars.foam(shape, seed=seed),
 }
 TITLES = (*PROCEDURAL, *(scan.title for scan in SCANS))
 
@@ -123,17 +123,22 @@ class Material:
 def materials(words: Sequence[str]) -> Iterator[Material]:
     """Yield the materials with one of the words in their title, as far as they are here."""
     for title, draw in PROCEDURAL.items():
-        if _chosen(title, words):
-            yield Material(title, draw(1), [draw(2)])
+        if chosen(title, words):
+            yield Material(title, draw(CORNER, 1), [draw(CORNER, 2)])
+    for title, whole in scans(words):
+        yield Material(title, poresynth.crop(whole, (0, 0, 0), CORNER), _elsewhere(whole))
+
+
+def scans(words: Sequence[str]) -> Iterator[tuple[str, Volume]]:
+    """Yield titles and whole scans, as `materials` picks them."""
     folder = os.environ.get("PORESYNTH_DATA")
     for scan in SCANS:
-        if not _chosen(scan.title, words):
+        if not chosen(scan.title, words):
             continue
         if folder is None or not Path(folder, scan.file).exists():
             print(f"{scan.title}: skipped, {scan.file} is not in PORESYNTH_DATA")
             continue
-        whole = scan.read(Path(folder))
-        yield Material(scan.title, poresynth.crop(whole, (0, 0, 0), CORNER), _elsewhere(whole))
+        yield scan.title, scan.read(Path(folder))
 
 
 def sources() -> str:
@@ -149,7 +154,8 @@ def sources() -> str:
     return "\n".join(lines)
 
 
-def _chosen(title: str, words: Sequence[str]) -> bool:
+def chosen(title: str, words: Sequence[str]) -> bool:
+    """Whether a title has one of the words in it."""
     return any(word.casefold() in title.casefold() for word in words)
 
 
