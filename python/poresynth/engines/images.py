@@ -43,13 +43,13 @@ def as_images(exemplar: Volume | npt.ArrayLike | Sequence[Volume | npt.ArrayLike
             )
             image = array[None] if flat else array
         volume = as_volume(image)
-        validate_voxels(volume, "exemplar")
         if volume.shape[0] != 1:
             raise ParameterError(
                 "exemplar",
                 volume.array.shape,
                 "must be an image, (1, y, x); the engine 'volume' takes volumes",
             )
+        validate_voxels(volume, "exemplar")
         images.append(volume)
     first = images[0]
     for image in images[1:]:
