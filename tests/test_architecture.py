@@ -40,7 +40,7 @@ PYTHON_ARROWS = {
 # Modules that may import torch: the neural engines.
 TORCH: set[str] = set()
 
-RUST_GROUND = {"bits", "error", "rng", "volume", "monitor", "threads"}
+RUST_GROUND = {"bits", "error", "fourier", "rng", "volume", "monitor", "threads"}
 AREAS = {"texture", "intensity", "topology", "geometry", "correlation", "transport"}
 RUST_ARROWS = {
     "bits": set(),
@@ -48,6 +48,7 @@ RUST_ARROWS = {
     "rng": {"error"},
     "volume": {"error"},
     "monitor": {"error"},
+    "fourier": {"error", "monitor", "rng", "threads", "volume"},
     "threads": {"error"},
     "geometry": RUST_GROUND,
     "intensity": RUST_GROUND,

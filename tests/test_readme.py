@@ -10,7 +10,6 @@ import pytest
 
 from poresynth import config, io, metrics
 from poresynth.cli import main
-from poresynth.engines import ENGINES
 from poresynth.exemplars import spinodal
 from poresynth.io.registry import formats
 
@@ -63,7 +62,6 @@ def run_commands(code: str, capsys: pytest.CaptureFixture[str]) -> None:
             assert main(words[1:]) == 0, f"{line}\n{capsys.readouterr().err}"
 
 
-@pytest.mark.skipif("solid" not in ENGINES, reason="there is no engine that learns from images")
 def test_the_commands_for_images_run(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

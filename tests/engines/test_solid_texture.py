@@ -261,15 +261,15 @@ def test_interfaces_are_counted_in_the_plane() -> None:
 
 def test_the_blur_gives_sections_the_density_of_the_image() -> None:
     image = blobs(shape=(96, 96))
-    engine = SolidTexture(**FAST).fit(image)
+    solids: dict[Any, np.ndarray] = dict.fromkeys("zyx", image[None])
     rng = np.random.default_rng(1)
     smooth = ndimage.gaussian_filter(rng.random((64, 64, 64)), 2, mode="wrap").astype(np.float32)
     rough = smooth + rng.normal(0, 0.8 * smooth.std(), smooth.shape).astype(np.float32)
-    sigma = smoothing_like(engine._images, rough, 0)
+    sigma = smoothing_like(solids, 1 - image.mean(), rough, 0)
     assert 0.2 < sigma < 2
     blurred = _core.gaussian(rough[None], sigma, boundary="open")[0]
     solid = blurred > np.quantile(blurred, 1 - image.mean())
     found = np.mean([interface_density(solid, axis) for axis in range(3)])
     assert found == pytest.approx(interface_density(image[None], 0), rel=0.05)
     flat = ndimage.gaussian_filter(smooth, 6, mode="wrap")
-    assert smoothing_like(engine._images, flat, 0) == 0
+    assert smoothing_like(solids, 1 - image.mean(), flat, 0) == 0

@@ -1,4 +1,4 @@
-"""Which way of making a volume from images suits a material: whose sections score better."""
+"""Which way of making a volume from images suits a material, by the scores of its sections."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy.typing as npt
 from poresynth import _core
 from poresynth.engines.image_fields import ImageField
 from poresynth.engines.images import Images, targets
+from poresynth.engines.roughness import smoothing_like
 from poresynth.engines.solid_parameters import MODES, SolidParameters, resolve_mode
 from poresynth.metrics.slice_statistics import slice_score
 
@@ -18,6 +19,11 @@ __all__ = ["choose_mode", "example", "options"]
 EDGE = 64
 """Edge of the volumes that are compared, voxels of half the resolution: as much as it takes to hold
 a few features, in a second or two."""
+
+MARGIN = 3.0
+"""How many times better the sections must score with neighbourhoods. They thicken features, which
+counts of parts and holes do not show: sections of a spinodal scored 10 instead of 22 %, and its
+structure error rose from 15 to 27 %; with 35 instead of 17 % on bone it rose, too."""
 
 
 def choose_mode(
@@ -64,10 +70,18 @@ def choose_mode(
             options(p),
             seed=0,
         )[0]
-        scores[mode] = slice_score(wanted, _cut(field.scores(made)[0], share)).percent
-    best = min(scores, key=lambda mode: (scores[mode], mode))
+        trial = field.scores(made)
+        sigma = smoothing_like(wanted, images.phases.porosity, trial[0], 0)
+        if sigma > 0:
+            trial = _core.gaussian(trial, sigma, boundary="periodic")
+        scores[mode] = slice_score(wanted, _cut(trial[0], share)).percent
+    structured = MARGIN * scores["structured"] < scores["responses"]
+    best = "structured" if structured else "responses"
     text = ", ".join(f"{mode} {score:.1f} %" for mode, score in scores.items())
-    return best, f"{best}, whose sections score better at half the resolution ({text})"
+    return best, (
+        f"{best}, by the scores of sections at half the resolution ({text}; structured must score "
+        f"{MARGIN:g} times better)"
+    )
 
 
 def example(

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import numpy.typing as npt
 
 from poresynth import _core
-from poresynth.engines.images import AXES, Images
+from poresynth.engines.images import AXES
+from poresynth.engines.solid_parameters import Axis
 
 __all__ = ["interface_density", "smoothing_like"]
 
@@ -35,7 +38,12 @@ def interface_density(solid: npt.NDArray[np.bool_], across: int) -> float:
     return sum(changes) / sum(line[1:].size for line in lines)
 
 
-def smoothing_like(images: Images, scores: npt.NDArray[np.float32], seed: int) -> float:
+def smoothing_like(
+    solids: Mapping[Axis, npt.NDArray[np.bool_]],
+    porosity: float,
+    scores: npt.NDArray[np.float32],
+    seed: int,
+) -> float:
     """Return the blur at which the sections' interfaces are as dense as the images'.
 
     A volume whose responses match is rougher at the scale of single voxels than its images: its
@@ -43,8 +51,10 @@ def smoothing_like(images: Images, scores: npt.NDArray[np.float32], seed: int) -
 
     Parameters
     ----------
-    images : Images
-        Of two phases.
+    solids : mapping
+        Of each axis that is constrained the solid of its image, shape (1, y, x).
+    porosity : float
+        Of the images.
     scores : numpy.ndarray of float32
         Shape (z, y, x): what is cut into solid and pore.
     seed : int
@@ -55,11 +65,10 @@ def smoothing_like(images: Images, scores: npt.NDArray[np.float32], seed: int) -
     float
         Standard deviation of a Gaussian, voxels; 0 where the volume is smooth enough.
     """
-    solids = images.solids()
     wanted = np.mean([interface_density(solid, 0) for solid in solids.values()])
     middle = tuple(slice((n - min(n, BLOCK)) // 2, (n + min(n, BLOCK)) // 2) for n in scores.shape)
     block = np.ascontiguousarray(scores[middle])
-    count = round((1 - images.phases.porosity) * block.size)
+    count = round((1 - porosity) * block.size)
 
     def density(sigma: float) -> float:
         smooth = block

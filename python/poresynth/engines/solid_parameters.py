@@ -91,7 +91,7 @@ MODES: dict[str, dict[str, Any]] = {
 }
 """What each mode changes against the defaults."""
 
-# Texture optimisation as published: no responses, and the images' own values. Histograms are matched
+# Texture optimisation as published: no responses, the images' own values. Histograms are matched
 # after every iteration in all of them: by weights alone, rocks of low porosity become one phase.
 _PUBLISHED: dict[str, Any] = {
     "mode": "structured",

@@ -65,7 +65,8 @@ class SolidTexture:
         histograms after every iteration, too: without, rocks of low porosity become one phase.
     mode : {"auto", "responses", "structured"}, default "auto"
         What the quality preset does: filter responses alone, or neighbourhoods as well. ``"auto"``
-        makes both at half the resolution and takes the one whose sections score better.
+        makes both at half the resolution and takes neighbourhoods, which thicken features, where
+        the sections score three times better with them, and for colours.
     axes : tuple of {"z", "y", "x"}, optional
         Of one image the axes across which it stands for the planes; all unless given. Of several
         images one axis each, z, y, x unless given. Planes across an axis that is left out are free.
@@ -477,9 +478,10 @@ class SolidTexture:
             return wanted
         if isinstance(self._field, ColourField):
             return 0.0
-        return (
-            smoothing_like(self._images, scores[0], seed) if len(scores) == 1 else SEVERAL_SMOOTHING
-        )
+        if len(scores) > 1:
+            return SEVERAL_SMOOTHING
+        images = self._images
+        return smoothing_like(images.solids(), images.phases.porosity, scores[0], seed)
 
     def _repaired(
         self, phase: npt.NDArray[np.uint8], scores: npt.NDArray[np.float32], request: Request
