@@ -214,6 +214,9 @@ impl MatchMap {
 /// `(level, window, iteration, energy, data, gradient, factor)` of one iteration.
 type EnergyRow = (usize, usize, usize, f64, f64, f64, f32);
 
+/// `(field, a match map an exemplar, energy records)` of a synthesis.
+type Synthesized<'py> = (Bound<'py, PyArray4<f32>>, Vec<MatchMap>, Vec<EnergyRow>);
+
 /// Synthesises a field: exemplars to `(field, a match map each, energy records)`.
 #[pyfunction]
 #[pyo3(signature = (examples, shape, options, *, seed, known=None, known_mask=None, domain=None, threads=0, progress=None))]
@@ -229,7 +232,7 @@ pub(super) fn synthesize<'py>(
     domain: Option<PyReadonlyArray3<'py, bool>>,
     threads: usize,
     progress: Option<Bound<'py, PyAny>>,
-) -> PyResult<(Bound<'py, PyArray4<f32>>, Vec<MatchMap>, Vec<EnergyRow>)> {
+) -> PyResult<Synthesized<'py>> {
     let examples: Vec<Example> =
         examples.iter().map(ExampleOptions::example).collect::<Result<_>>()?;
     let parameters = options.parameters()?;

@@ -35,7 +35,9 @@ fn of_values(exemplar: &Field, output: &Field) -> Vec<f32> {
         let bin = |v: f32| (((v - low) * scale).max(0.0) as usize).min(BINS - 1);
         let shares = |values: &[f32]| {
             let mut counts = [0u32; BINS];
-            values.iter().for_each(|&v| counts[bin(v)] += 1);
+            for &v in values {
+                counts[bin(v)] += 1;
+            }
             counts.map(|n| n as f32 / values.len() as f32)
         };
         let (wanted, present) = (shares(own), shares(output.channel(c)));

@@ -200,7 +200,9 @@ impl<'a> Plane<'a> {
             })
             .collect::<Result<Vec<_>>>()?;
         let mut squares = Squares::default();
-        of_rows.into_iter().for_each(|of_row| squares.add(of_row));
+        for of_row in of_rows {
+            squares.add(of_row);
+        }
         Ok(squares)
     }
 
