@@ -26,12 +26,13 @@ PYTHON_ARROWS = {
     "preprocess": GROUND | {"_core"},
     "exemplars": GROUND | {"_core"},
     "metrics": GROUND | {"_core", "preprocess"},
-    "engines": GROUND | {"_core", "io", "preprocess", "metrics", "resources"},
+    "pruning": GROUND | {"_core", "preprocess", "metrics"},
+    "engines": GROUND | {"_core", "io", "preprocess", "metrics", "pruning", "resources"},
     "comparison": GROUND | {"_core", "preprocess", "metrics"},
-    "report": GROUND | {"io", "preprocess", "metrics", "comparison"},
+    "report": GROUND | {"io", "preprocess", "metrics", "comparison", "pruning"},
     "config": {"errors", "engines"},
     "workflow": GROUND
-    | {"io", "preprocess", "engines", "metrics", "comparison", "resources"}
+    | {"io", "preprocess", "engines", "metrics", "comparison", "pruning", "resources"}
     | {"report", "config", "console"},
     "cli": {"errors", "io", "preprocess", "exemplars", "metrics", "report", "config"}
     | {"console", "workflow"},

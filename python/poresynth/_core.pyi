@@ -12,6 +12,7 @@ __all__ = [
     "binned_counts",
     "carry",
     "cavities",
+    "cell_perimeters",
     "component_sizes",
     "component_statistics",
     "connect_phase",
@@ -36,6 +37,8 @@ __all__ = [
     "novelty",
     "permeability",
     "random_field",
+    "recount_phase",
+    "remove_branches",
     "run_lengths",
     "secants",
     "signed_distance",
@@ -201,6 +204,34 @@ def connect_phase(
     free: npt.NDArray[np.bool_] | None = None,
     threads: int = 0,
 ) -> tuple[npt.NDArray[np.bool_], int, int, int, int]: ...
+def recount_phase(
+    phase: npt.NDArray[np.bool_],
+    score: npt.NDArray[np.float32],
+    wanted: int,
+    *,
+    connectivity: int,
+    boundary: str,
+    free: npt.NDArray[np.bool_] | None = None,
+    threads: int = 0,
+) -> tuple[npt.NDArray[np.bool_], int]: ...
+def remove_branches(
+    phase: npt.NDArray[np.bool_],
+    places: npt.NDArray[np.uint32],
+    radii: npt.NDArray[np.float32],
+    branches: npt.NDArray[np.int64],
+    *,
+    manner: str,
+    free: npt.NDArray[np.bool_] | None = None,
+    threads: int = 0,
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.uint64]]: ...
+def cell_perimeters(
+    nodes: int,
+    branches: npt.NDArray[np.uint32],
+    lengths: npt.NDArray[np.float64],
+    asked: npt.NDArray[np.uint32],
+    *,
+    threads: int = 0,
+) -> npt.NDArray[np.float64]: ...
 def cavities(solid: npt.NDArray[np.bool_], *, connectivity: int, threads: int = 0) -> int: ...
 def keep_parts(
     solid: npt.NDArray[np.bool_],

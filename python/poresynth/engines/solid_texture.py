@@ -22,12 +22,12 @@ from poresynth.engines.image_fields import (
 )
 from poresynth.engines.images import Images, as_images, targets
 from poresynth.engines.mode_choice import choose_mode, example, options
-from poresynth.engines.repair import connect
 from poresynth.engines.request import Request
 from poresynth.engines.roughness import smoothing_like
 from poresynth.engines.solid_parameters import Axis, SolidParameters, resolve_mode
 from poresynth.engines.values import cut, phase_values
 from poresynth.errors import FileError, ParameterError
+from poresynth.pruning.connecting import connect
 from poresynth.resources import check_memory
 from poresynth.volume import Volume
 

@@ -3,12 +3,12 @@
 
 mod cancellable;
 mod components;
-mod connect;
 mod correlation;
 mod euler;
 mod geometry;
 mod gray;
 mod intensity;
+mod repair;
 mod responses;
 mod skeleton;
 mod surface;
@@ -44,8 +44,6 @@ mod _core {
     #[pymodule_export]
     use super::components::{cavities, component_statistics, keep_parts};
     #[pymodule_export]
-    use super::connect::connect_phase;
-    #[pymodule_export]
     use super::correlation::{
         local_porosity, novelty, run_lengths, two_point, two_point_cluster, two_point_map,
     };
@@ -57,6 +55,8 @@ mod _core {
     use super::gray::{binned_counts, gray_moments, level_counts, match_histogram};
     #[pymodule_export]
     use super::intensity::{cut_phases, cut_solid};
+    #[pymodule_export]
+    use super::repair::{cell_perimeters, connect_phase, recount_phase, remove_branches};
     #[pymodule_export]
     use super::responses::{enlarge_periodic, match_responses, random_field};
     #[pymodule_export]

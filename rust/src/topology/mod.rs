@@ -1,12 +1,13 @@
 //! What is connected to what.
 
 mod bit_rows;
-pub mod connect;
+pub mod cells;
 mod contacts;
 pub mod euler;
 mod forest;
 pub mod labelling;
 pub mod parts;
+pub mod repair;
 mod runs;
 mod seams;
 mod simple_point;

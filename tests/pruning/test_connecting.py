@@ -12,8 +12,8 @@ from scipy import ndimage
 from tests.references import bridges
 
 from poresynth import _core
-from poresynth.engines.repair import connect
 from poresynth.errors import ParameterError
+from poresynth.pruning import connect
 
 CONNECTIVITY = {"solid": 26, "pore": 6}
 

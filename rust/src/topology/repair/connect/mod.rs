@@ -2,18 +2,16 @@
 //! nearest to the phase, and the number of voxels is restored along the surface.
 
 mod bridges;
-mod grid;
 mod queue;
-mod recount;
-mod scene;
 
 use ndarray::{Array3, ArrayView3, ArrayViewMut3};
 
 use self::bridges::Toll;
-use self::scene::Scene;
-use super::labelling::{Connectivity, label};
+use super::recount;
+use super::scene::Scene;
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
+use crate::topology::labelling::{Connectivity, label};
 use crate::volume::Boundary;
 
 /// The thickest bridge: those of structures that fit a volume are far below.
@@ -62,7 +60,11 @@ pub fn connect(
     mut connected: ArrayViewMut3<'_, bool>,
     monitor: &Monitor<'_>,
 ) -> Result<Outcome> {
-    check(phase, score, free, options)?;
+    super::check(phase.dim(), score, free, options.connectivity)?;
+    if !(1.0..=WIDEST).contains(&options.width) {
+        let allowed = format!("must be from 1 to {WIDEST}");
+        return Err(Error::parameter("width", options.width, allowed));
+    }
     if connected.dim() != phase.dim() {
         return Err(Error::parameter("output.shape", connected.dim(), "must be that of the phase"));
     }
@@ -74,7 +76,7 @@ pub fn connect(
         return Ok(Outcome::default());
     }
     let mut labels = labels.into_raw_vec_and_offset().0;
-    let mut scene = Scene::new(phase, score, free, connectivity, boundary);
+    let mut scene = Scene::new(phase, free, connectivity, boundary).scored(score);
     let wanted = scene.size();
     let toll = Toll::new(&scene);
     let largest = largest(&sizes);
@@ -91,32 +93,6 @@ pub fn connect(
         *voxel = scene.phase(at);
     }
     Ok(Outcome { erased, joined, apart: apart - joined, missing })
-}
-
-fn check(
-    phase: ArrayView3<'_, bool>,
-    score: ArrayView3<'_, f32>,
-    free: Option<ArrayView3<'_, bool>>,
-    options: &Options,
-) -> Result<()> {
-    if score.dim() != phase.dim() {
-        return Err(Error::parameter("score.shape", score.dim(), "must be that of the phase"));
-    }
-    if let Some(free) = free.filter(|free| free.dim() != phase.dim()) {
-        return Err(Error::parameter("free.shape", free.dim(), "must be that of the phase"));
-    }
-    if let Some(value) = score.iter().find(|value| !value.is_finite()) {
-        return Err(Error::parameter("score", value, "must be finite"));
-    }
-    if options.connectivity == Connectivity::Edges {
-        // There is no connectivity of the other phase that goes with it.
-        return Err(Error::parameter("connectivity", 18, "must be 6 or 26"));
-    }
-    if !(1.0..=WIDEST).contains(&options.width) {
-        let allowed = format!("must be from 1 to {WIDEST}");
-        return Err(Error::parameter("width", options.width, allowed));
-    }
-    Ok(())
 }
 
 /// Label of the largest component; of several, of the first.

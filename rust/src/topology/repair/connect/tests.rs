@@ -1,11 +1,11 @@
 use ndarray::s;
 use proptest::prelude::*;
 
-use super::super::euler::euler_number;
-use super::super::labelling::component_sizes;
 use super::*;
 use crate::rng::Key;
 use crate::threads::with_threads;
+use crate::topology::euler::euler_number;
+use crate::topology::labelling::component_sizes;
 
 const OPEN: Options = Options {
     connectivity: Connectivity::Corners,
@@ -240,7 +240,7 @@ proptest! {
         let boundary = if periodic { Boundary::Periodic } else { Boundary::Open };
         let silent = Monitor::silent();
         let mut scene =
-            Scene::new(phase.view(), score.view(), Some(free.view()), connectivity, boundary);
+            Scene::new(phase.view(), Some(free.view()), connectivity, boundary).scored(score.view());
         let missing = recount::restore(&mut scene, wanted, &silent).unwrap();
         let mut at = 0..;
         let out = phase.mapv(|_| scene.phase(at.next().unwrap()));

@@ -21,6 +21,7 @@ pub(super) struct Scene<'a> {
     /// To all 26 neighbours.
     pub(super) around: Vec<Step>,
     pub(super) faces: Vec<Step>,
+    /// Of each voxel, if any.
     pub(super) score: Cow<'a, [f32]>,
     flags: Vec<u8>,
     by_corners: bool,
@@ -29,7 +30,6 @@ pub(super) struct Scene<'a> {
 impl<'a> Scene<'a> {
     pub(super) fn new(
         phase: ArrayView3<'_, bool>,
-        score: ArrayView3<'a, f32>,
         free: Option<ArrayView3<'_, bool>>,
         connectivity: Connectivity,
         boundary: Boundary,
@@ -49,11 +49,18 @@ impl<'a> Scene<'a> {
             touching: grid.steps(if by_corners { 3 } else { 1 }),
             around: grid.steps(3),
             faces: grid.steps(1),
-            score: score.to_slice().map_or_else(|| score.iter().copied().collect(), Cow::Borrowed),
+            score: Cow::Borrowed(&[]),
             grid,
             flags,
             by_corners,
         }
+    }
+
+    /// With what the phase was cut from.
+    pub(super) fn scored(mut self, score: ArrayView3<'a, f32>) -> Self {
+        self.score =
+            score.to_slice().map_or_else(|| score.iter().copied().collect(), Cow::Borrowed);
+        self
     }
 
     pub(super) fn len(&self) -> usize {

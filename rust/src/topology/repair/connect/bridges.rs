@@ -9,9 +9,9 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use super::queue::Queue;
-use super::scene::Scene;
 use crate::error::Result;
 use crate::monitor::Monitor;
+use crate::topology::repair::scene::Scene;
 
 /// Toll of a voxel's length at the cut, in mean distances of the scores from the cut: enough that
 /// bridges are straight in flat ground, too little for one to leave a valley.

@@ -1,4 +1,4 @@
-"""Repair of what a synthesis cannot promise: that a phase is one piece."""
+"""A phase made one piece."""
 
 from __future__ import annotations
 
