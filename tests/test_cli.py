@@ -80,7 +80,8 @@ def test_help_lists_the_commands(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", ["synthesize", "compare", "measure", "crop", "downsample", "threshold", "demo"]
+    "command",
+    ["synthesize", "compare", "measure", "prune", "crop", "downsample", "threshold", "demo"],
 )
 def test_help_of_a_command_has_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     run(command, "--help")

@@ -12,7 +12,7 @@ from cyclopts import App, CycloptsError, Group, Parameter
 from pydantic import ValidationError
 
 from poresynth import config, console, workflow
-from poresynth.config import InputConfig, ReadConfig, RunConfig
+from poresynth.config import InputConfig, PruneConfig, ReadConfig, RunConfig
 from poresynth.errors import PoresynthError
 
 __all__ = ["main"]
@@ -44,6 +44,7 @@ Output = Annotated[Path, Parameter(name=["--output", "-o"])]
 Solid = Literal["bright", "dark"]
 Threads = Annotated[int, Parameter(name="--threads")]
 Reading = Annotated[ReadConfig | None, Parameter(name="*", group=Group("Reading VOLUME"))]
+Pruning = Annotated[PruneConfig | None, Parameter(name="*", group=Group("Pruning"))]
 Input = Annotated[InputConfig | None, Parameter(name="*", group=Group("Reading EXEMPLAR"))]
 
 
@@ -63,6 +64,7 @@ def synthesize(
     mask: Path | None = None,
     known: Path | None = None,
     known_mask: Path | None = None,
+    prune: Annotated[bool | None, Parameter(negative="")] = None,
     configuration: Annotated[Path | None, Parameter(name="--config")] = None,
     settings: Annotated[
         list[str] | None, Parameter(name="--set", consume_multiple=True, negative=())
@@ -118,6 +120,10 @@ def synthesize(
         A volume of the wanted shape whose voxels are kept exactly where `--known-mask` says.
     known_mask
         Where `--known` is known: not 0.
+    prune
+        Remove or connect loose ends and floating parts, until there are as many by volume as in
+        the exemplar; `--set prune.target=zero`, or another option of `poresynth prune`, says
+        otherwise.
     configuration
         A .toml file, or the .json file beside an earlier result. The command line wins over it.
     settings
@@ -139,6 +145,7 @@ def synthesize(
         "mask": _text(mask),
         "known": _text(known),
         "known_mask": _text(known_mask),
+        "prune": {} if prune else None,
         "parameters": _given(
             {"axes": axes, "preset": preset, "threshold": threshold, "solid": solid}
         ),
@@ -254,6 +261,66 @@ def measure(
         )
         if json_file is not None:
             workflow.write_json(json_file, found)
+
+
+@app.command
+def prune(
+    volume: Path,
+    /,
+    *,
+    output: Output,
+    exemplar: Path | None = None,
+    threshold: float | None = None,
+    solid: Solid = "bright",
+    periodic: Annotated[bool, Parameter(negative="")] = False,
+    how: Pruning = None,
+    threads: Threads = 0,
+    report: Path | None = None,
+    source: Reading = None,
+) -> None:
+    """Remove or connect what hangs loose: branches, floating parts, closed pores.
+
+        poresynth prune new.tif -o pruned.tif --exemplar bone.tif --report out
+
+        poresynth prune foam.tif -o pruned.tif --parts remove --pores close --open-axes z
+
+    Parameters
+    ----------
+    volume
+        The volume.
+    output
+        The pruned volume; its suffix picks the format.
+    exemplar
+        What the volume was made of: branches are copied from it, and as many loose ends as it has
+        may remain.
+    threshold
+        Gray value that separates solid from pore. [default: Otsu's, of the exemplar if given]
+    solid
+        Which side of the threshold is solid.
+    periodic
+        The volume tiles, and shall still.
+    how
+        What is done.
+    threads
+        Number of threads; 0 takes all cores.
+    report
+        Folder for a page with figures and pictures before and after, and its JSON with every edit.
+    source
+        How the volume is read.
+    """
+    with workflow.reserve(output, report=report):
+        before = workflow.read(volume, source)
+        pruned = workflow.prune(
+            before,
+            how or PruneConfig(),
+            exemplar=None if exemplar is None else workflow.read(exemplar),
+            threshold=threshold,
+            solid=solid,
+            boundary="periodic" if periodic else "open",
+            threads=threads,
+            report=report,
+        )
+        workflow.write(output, pruned.volume)
 
 
 @app.command

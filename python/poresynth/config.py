@@ -29,6 +29,7 @@ else:
 
 __all__ = [
     "InputConfig",
+    "PruneConfig",
     "ReadConfig",
     "RunConfig",
     "explain",
@@ -116,6 +117,39 @@ class InputConfig(ReadConfig):
     downsample: PositiveInt = 1
 
 
+class PruneConfig(_Model):
+    """How a volume is pruned; see `poresynth.pruning.prune`.
+
+    Parameters
+    ----------
+    theta : float, default 0.11
+        Loose branches shorter than this share of their cell's perimeter go; longer ones grow.
+    target : {"zero", "exemplar"}, default "exemplar" with an exemplar, else "zero"
+        How many loose ends remain: none, or as many as the exemplar has, and its Euler number.
+    parts : {"join", "remove", "keep"}, default "join"
+        What becomes of floating parts of the solid.
+    pores : {"keep", "close"}, default "keep"
+        Whether pores that do not reach the border are filled.
+    open_axes : tuple of {"z", "y", "x"}, default ()
+        Axes along which the pore must lead from face to face.
+    porosity_tolerance : float, default 0.001
+        Most by which the porosity may change.
+    """
+
+    theta: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.11
+    target: Literal["zero", "exemplar"] | None = None
+    parts: Literal["join", "remove", "keep"] = "join"
+    pores: Literal["keep", "close"] = "keep"
+    open_axes: tuple[Literal["z", "y", "x"], ...] = ()
+    porosity_tolerance: Annotated[float, Field(ge=0, le=1)] = 1e-3
+
+    def arguments(self, *, exemplar: bool) -> dict[str, Any]:
+        """Return the arguments of `poresynth.pruning.prune`."""
+        given = self.model_dump()
+        given["target"] = self.target or ("exemplar" if exemplar else "zero")
+        return given
+
+
 class RunConfig(_Model):
     """All that decides the result of one synthesis.
 
@@ -138,6 +172,8 @@ class RunConfig(_Model):
         Wanted porosity, 0 to 1; the exemplar's own unless given.
     mask, known, known_mask : str, optional
         Paths of the domain that matters, of the known voxels and of where they are known.
+    prune : PruneConfig, optional
+        How the new volume is pruned; not at all unless given.
     parameters : dict
         Parameters of the engine; its own defaults for what is not named.
     input : InputConfig
@@ -157,6 +193,7 @@ class RunConfig(_Model):
     mask: str | None = None
     known: str | None = None
     known_mask: str | None = None
+    prune: PruneConfig | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
     input: InputConfig = Field(default_factory=InputConfig)
     exemplar_sha256: Texts | None = None
@@ -188,9 +225,13 @@ class RunConfig(_Model):
             if value is not None:
                 values = value if isinstance(value, tuple) else (value,)
                 words += [f"--{name.replace('_', '-')}", *map(str, values)]
-        if self.parameters:
+        if self.prune is not None:
+            words.append("--prune")
+        changed = {} if self.prune is None else self.prune.model_dump(exclude_defaults=True)
+        settings = {**self.parameters, **{f"prune.{k}": v for k, v in changed.items()}}
+        if settings:
             # What JSON writes is TOML, too.
-            words += ["--set", *(f"{k}={json.dumps(v)}" for k, v in self.parameters.items())]
+            words += ["--set", *(f"{k}={json.dumps(v)}" for k, v in settings.items())]
         return shlex.join(words)
 
 

@@ -14,8 +14,9 @@ from poresynth.errors import ParameterError
 
 if TYPE_CHECKING:
     from poresynth.comparison import Comparison
-    from poresynth.config import InputConfig, ReadConfig, RunConfig
+    from poresynth.config import InputConfig, PruneConfig, ReadConfig, RunConfig
     from poresynth.engines.base import SynthesizedVolume
+    from poresynth.pruning import Pruned
     from poresynth.volume import Volume
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "compare",
     "crop",
     "measure",
+    "prune",
     "read",
     "read_exemplar",
     "read_exemplars",
@@ -99,6 +101,8 @@ def synthesize(run: RunConfig, output: Path, threads: int, report: Path | None) 
         exemplars = read_exemplars(run)
         digests = _check_repetition(run, exemplars)
         volume = _sample(run, exemplars, threads)
+        if run.prune is not None:
+            volume = _prune_new(run, exemplars, volume, threads, report)
         origin = volume.metadata["poresynth"]
         origin["configuration"] = run.saved(digests)
         origin["command"] = run.command(output)
@@ -171,6 +175,94 @@ def _sample(run: RunConfig, exemplars: Sequence[Volume], threads: int) -> Synthe
             threads=threads,
             progress=progress,
         )
+
+
+def _prune_new(
+    run: RunConfig,
+    exemplars: Sequence[Volume],
+    volume: SynthesizedVolume,
+    threads: int,
+    report: Path | None,
+) -> SynthesizedVolume:
+    """Prune a new volume; its provenance says so."""
+    from dataclasses import replace
+
+    assert run.prune is not None
+    origin = volume.metadata["poresynth"]
+    learned = origin["exemplar"]
+    cut = learned[0] if isinstance(learned, list) else learned
+    known_mask, mask = (
+        None if path is None else read(Path(path)).array != 0 for path in (run.known_mask, run.mask)
+    )
+    pruned = prune(
+        volume,
+        run.prune,
+        exemplar=None if run.engine in IMAGE_ENGINES else exemplars[0],
+        threshold=cut["threshold"],
+        solid=cut["solid"],
+        boundary=run.boundary,
+        free=None if known_mask is None else ~known_mask,
+        domain=mask,
+        threads=threads,
+        report=report,
+    )
+    figures = {name: value for name, value in pruned.to_dict().items() if name != "edits"}
+    metadata = {**volume.metadata, "poresynth": {**origin, "pruning": figures}}
+    return replace(volume, array=pruned.volume.array, metadata=metadata)
+
+
+def prune(
+    volume: Volume,
+    how: PruneConfig,
+    *,
+    exemplar: Volume | None,
+    threshold: float | None,
+    solid: Literal["bright", "dark"],
+    boundary: Literal["open", "periodic"] = "open",
+    free: Any = None,
+    domain: Any = None,
+    threads: int = 0,
+    report: Path | None = None,
+    command: str | None = None,
+) -> Pruned:
+    """Prune a volume, say what that did, and write the report of it.
+
+    The parameters are those of `poresynth.pruning.prune`; ``report`` is a folder for
+    ``pruning.html``.
+    """
+    from poresynth import pruning
+    from poresynth.report import write_pruning_report
+    from poresynth.report.words import number
+
+    with console.progress("pruning") as progress:
+        pruned = pruning.prune(
+            volume,
+            exemplar=exemplar,
+            threshold=threshold,
+            solid=solid,
+            boundary=boundary,
+            free=free,
+            domain=domain,
+            threads=threads,
+            progress=progress,
+            **how.arguments(exemplar=exemplar is not None),
+        )
+    before, after, own = pruned.before, pruned.after, pruned.exemplar
+    names = list(vars(after))
+    rows = [
+        [name, *(number(getattr(s, name)) for s in (before, after, own) if s is not None)]
+        for name in names
+    ]
+    header = ("figure", "before", "after", *(() if own is None else ("exemplar",)))
+    console.figures("Before and after pruning", rows, header)
+    made = ", ".join(f"{count} × {kind}" for kind, count in pruned.counts().items())
+    console.result(f"edits: {made or 'none'}")
+    if pruned.loose:
+        console.note(f"{pruned.loose} loose branches found no strut within reach and remain")
+    if report is not None:
+        page = write_pruning_report(report, volume, pruned, command=command)
+        console.result(f"report of the pruning: {page}")
+    return pruned
 
 
 def _print_copying(exemplar: Volume, volume: SynthesizedVolume, threads: int) -> None:

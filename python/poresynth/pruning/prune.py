@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from poresynth.errors import ParameterError, PoresynthError
+from poresynth.metrics import distance_transform
 from poresynth.metrics.arguments import as_scalar_volume
 from poresynth.pruning.cut import Cut
 from poresynth.pruning.elongation import Stock
@@ -41,6 +42,7 @@ def prune(
     open_axes: Sequence[Literal["z", "y", "x"]] = (),
     boundary: Literal["open", "periodic"] = "open",
     free: npt.NDArray[np.bool_] | None = None,
+    domain: npt.NDArray[np.bool_] | None = None,
     porosity_tolerance: float = 1e-3,
     threads: int = 0,
     progress: Callable[[str, float], object] | None = None,
@@ -84,6 +86,9 @@ def prune(
         stay as they are, so that the volume still tiles.
     free : numpy.ndarray of bool, optional
         Voxels that may change, shape (z, y, x); all by default.
+    domain : numpy.ndarray of bool, optional
+        Where the material is, shape (z, y, x); everywhere by default. Its surface cuts struts as
+        the border of a volume does: their ends are not loose. Nothing outside changes.
     porosity_tolerance : float, default 0.001
         Most by which the porosity may change. It is restored to the voxel wherever the surface
         allows; a volume of which so much is removed that it cannot be is an error.
@@ -119,15 +124,20 @@ def prune(
     example = None if exemplar is None else as_volume(exemplar)
     cut = Cut.of(array, example, threshold, solid)
     before = cut.solid(array)
-    if free is not None and (free.shape != array.shape or free.dtype != bool):
-        what = f"array of shape {free.shape} and type {free.dtype}"
-        raise ParameterError("free", what, f"must be bool, of the shape {array.shape}")
+    for name, mask in (("free", free), ("domain", domain)):
+        if mask is not None and (mask.shape != array.shape or mask.dtype != bool):
+            what = f"array of shape {mask.shape} and type {mask.dtype}"
+            raise ParameterError(name, what, f"must be bool, of the shape {array.shape}")
     report = progress or (lambda stage, fraction: None)
     report("measuring the structure", 0.0)
     if boundary == "periodic":
         free = _inside(array.shape) if free is None else free & _inside(array.shape)
-    work = Work(before.copy(), free, whole.voxel_size, boundary, threads)
-    stood = Standing.of(before, boundary=boundary, threads=threads)
+    inside = None
+    if domain is not None:
+        free = domain if free is None else free & domain
+        inside = distance_transform(domain, threads=threads)
+    work = Work(before.copy(), free, whole.voxel_size, boundary, inside, threads)
+    stood = work.standing()
     goal = None
     stock = None
     if example is not None:
@@ -162,10 +172,17 @@ def prune(
     report("values", 0.9)
     values = repaint(array, before, work.solid, gray=cut.gray, keep=None if free is None else ~free)
     work.paint_growth(values, array if example is None else np.asarray(example.array), cut)
-    after = Standing.of(work.solid, boundary=boundary, threads=threads)
+    after = work.standing()
     report("done", 1.0)
     return Pruned(
-        whole.with_array(values), work.solid, tuple(work.edits), stood, after, goal, work.loose
+        whole.with_array(values),
+        work.solid,
+        before,
+        tuple(work.edits),
+        stood,
+        after,
+        goal,
+        work.loose,
     )
 
 

@@ -45,7 +45,7 @@ class Edit:
         Where, in voxels (z, y, x): the end of a branch, else the voxel of the change that comes
         first.
     voxels : int
-        Voxels that changed phase.
+        Voxels that changed phase; of a part that was joined, its own.
     length : float or None
         Length of a branch along its skeleton, in the unit of the voxel size.
     perimeter : float or None
@@ -96,6 +96,7 @@ class Standing:
         solid: npt.NDArray[np.bool_],
         *,
         boundary: Literal["open", "periodic"] = "open",
+        inside: npt.NDArray[np.float32] | None = None,
         threads: int = 0,
     ) -> Standing:
         """Measure a solid.
@@ -106,6 +107,9 @@ class Standing:
             Shape (z, y, x).
         boundary : {"open", "periodic"}, default "open"
             Whether components go on at the opposite face.
+        inside : numpy.ndarray of float32, optional
+            Distance of each voxel to where no material is wanted, voxels, shape (z, y, x). End
+            points nearer than the margin to it do not count, nor does the volume there.
         threads : int, default 0
             Number of threads; 0 takes all cores.
 
@@ -123,12 +127,18 @@ class Standing:
         if min(solid.shape) > 2 * MARGIN:
             ends = end_points(solid, skeleton=skeletonize(solid, threads=threads), threads=threads)
             count, density = ends.count, ends.per_voxel
+            if inside is not None:
+                inner = np.count_nonzero(inside >= MARGIN)
+                count = int(np.count_nonzero(inside[tuple(ends.places.T)] >= MARGIN))
+                density = count / inner if inner else 0.0
+        material = solid.size if inside is None else int(np.count_nonzero(inside))
         sizes = component_sizes(solid, boundary=boundary, threads=threads)
         return cls(
-            float(1 - solid.mean()),
+            1 - np.count_nonzero(solid) / material,
             count,
             density,
-            euler_density(solid, boundary=boundary, threads=threads).density,
+            euler_density(solid, boundary=boundary, threads=threads).density
+            * (solid.size / material),
             len(sizes),
             int(np.count_nonzero(sizes < FLOATING)),
             len(closed_pores(solid, threads=threads)[1]),
@@ -145,6 +155,8 @@ class Pruned:
         Of the dtype that was given.
     solid : numpy.ndarray of bool
         Its solid, shape (z, y, x).
+    solid_before : numpy.ndarray of bool
+        What was solid before, same shape.
     edits : tuple of Edit
         All changes, in the order in which they were made.
     before, after : Standing
@@ -157,6 +169,7 @@ class Pruned:
 
     volume: Volume
     solid: npt.NDArray[np.bool_]
+    solid_before: npt.NDArray[np.bool_]
     edits: tuple[Edit, ...]
     before: Standing
     after: Standing

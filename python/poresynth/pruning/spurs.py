@@ -122,10 +122,17 @@ class Spurs:
         return self.length / self.perimeter
 
     @classmethod
-    def of(cls, network: Network, *, threads: int = 0) -> Spurs:
+    def of(
+        cls,
+        network: Network,
+        *,
+        inside: npt.NDArray[np.float32] | None = None,
+        threads: int = 0,
+    ) -> Spurs:
         """Find the branches of a network that run from a free end to a junction.
 
-        Ends that the border cuts are none.
+        Ends that the border cuts are none, nor are those at the surface of a body, from which
+        ``inside`` gives the distance of each voxel.
         """
         graph = network.graph
         ends, kind = graph.branches.nodes, graph.nodes.kind
@@ -138,6 +145,8 @@ class Spurs:
             paths.append(path if is_end[branch, 0] else path[::-1])
         tips = np.array([path[0] for path in paths], np.int64).reshape(-1, 3)
         border = np.minimum(tips, np.array(graph.shape) - 1 - tips).min(axis=1, initial=2**31)
+        if inside is not None:
+            border = np.minimum(border, inside[tuple(tips.T)])
         away = border > network.radius[tuple(tips.T)] + NEAR_BORDER
         found, border = found[away], border[away]
         paths = [path for path, keep in zip(paths, away, strict=True) if keep]

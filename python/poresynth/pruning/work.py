@@ -38,6 +38,7 @@ class Work:
     free: _Bools | None
     voxel_size: tuple[float, float, float]
     boundary: Literal["open", "periodic"]
+    inside: npt.NDArray[np.float32] | None
     threads: int
     edits: list[Edit] = field(default_factory=list)
     growths: list[Growth] = field(default_factory=list)
@@ -68,23 +69,23 @@ class Work:
             if part != largest and size < most:
                 self.edits.append(Edit("part removed", place, int(size)))
             elif part != largest:
-                self.edits.append(Edit("part joined", place, 0))
+                self.edits.append(Edit("part joined", place, int(size)))
         self._surface(self.solid, joined.solid)
         self.solid = joined.solid
 
     def prune_branches(self, theta: float, goal: Standing | None, stock: Stock | None) -> bool:
         """Remove or grow loose ends; return whether anything changed."""
         network = Network.of(self.solid, self.voxel_size, threads=self.threads)
-        spurs = Spurs.of(network, threads=self.threads)
+        spurs = Spurs.of(network, inside=self.inside, threads=self.threads)
         if not self._better(len(spurs.paths)):
             return False
         count, grown = len(spurs.paths), len(spurs.paths)
         if goal is not None:
-            now = self._standing()
+            now = self.standing()
             if now.end_point_density > 0:
                 excess = 1 - goal.end_point_density / now.end_point_density
                 count = round(max(excess, 0) * count)
-            grown = round((now.euler_density - goal.euler_density) * self.solid.size)
+            grown = round((now.euler_density - goal.euler_density) * self._material())
         short = spurs.ratio < theta
         removed = [i for i in range(count) if short[i]]
         stock = Stock.of(self.solid, network) if stock is None else stock
@@ -127,8 +128,8 @@ class Work:
 
     def cut_loops(self, goal: Standing) -> None:
         """Cut as many loops as the exemplar has less, at their thinnest branches."""
-        now = self._standing()
-        missing = round((goal.euler_density - now.euler_density) * self.solid.size)
+        now = self.standing()
+        missing = round((goal.euler_density - now.euler_density) * self._material())
         if missing <= 0:
             return
         network = Network.of(self.solid, self.voxel_size, threads=self.threads)
@@ -211,8 +212,14 @@ class Work:
     def _parts(self, solid: _Bools) -> int:
         return len(component_sizes(solid, boundary=self.boundary, threads=self.threads))
 
-    def _standing(self) -> Standing:
-        return Standing.of(self.solid, boundary=self.boundary, threads=self.threads)
+    def _material(self) -> int:
+        return self.solid.size if self.inside is None else int(np.count_nonzero(self.inside))
+
+    def standing(self) -> Standing:
+        """Measure the solid as it is now."""
+        return Standing.of(
+            self.solid, boundary=self.boundary, inside=self.inside, threads=self.threads
+        )
 
     def _score(self) -> npt.NDArray[np.float32]:
         """Return how far inside the solid a voxel lies, for bridges and for the surface."""

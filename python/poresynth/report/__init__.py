@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from poresynth.report.pruning import write_pruning_report
 from poresynth.report.writer import reserved, write_report
 
-__all__ = ["reserved", "write_report"]
+__all__ = ["reserved", "write_pruning_report", "write_report"]

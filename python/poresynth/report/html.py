@@ -23,6 +23,7 @@ __all__ = [
     "legend",
     "page",
     "pairs",
+    "plain_table",
     "planes_table",
     "verdict",
 ]
@@ -252,6 +253,33 @@ def _plane_cell(figure: Any) -> str:
     sign = f'<span class="{figure.mark}" title="{words}">{words.split()[0]}</span>'
     unit = f" {figure.unit}" if figure.unit == "%" else ""
     return f'<td class="number">{sign} {number(figure.value)}{unit}{error}</td>'
+
+
+def plain_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table of words and numbers.
+
+    Parameters
+    ----------
+    header : sequence of str
+        Names of the columns.
+    rows : iterable of sequences of str
+        Their cells; the first of each names the row.
+
+    Returns
+    -------
+    str
+        HTML.
+    """
+    names = "".join(
+        f'<th class="{"number" if i else ""}">{escape(n)}</th>' for i, n in enumerate(header)
+    )
+    lines = (
+        f"<tr><th>{escape(name)}</th>"
+        + "".join(f'<td class="number">{escape(cell)}</td>' for cell in cells)
+        + "</tr>"
+        for name, *cells in rows
+    )
+    return _table(names, lines)
 
 
 def _table(header: str, rows: Iterable[str]) -> str:
