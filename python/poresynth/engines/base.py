@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from poresynth.engines.porosity import PorosityLike
 from poresynth.volume import Volume
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ class Synthesizer(Protocol):
         *,
         seed: int = 0,
         boundary: Literal["open", "periodic"] = "open",
-        porosity: float | None = None,
+        porosity: PorosityLike | None = None,
         known: Volume | npt.ArrayLike | None = None,
         known_mask: npt.NDArray[np.bool_] | None = None,
         mask: npt.NDArray[np.bool_] | None = None,

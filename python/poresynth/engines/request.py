@@ -8,12 +8,16 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from poresynth.engines.porosity import PorosityLike, as_porosity
 from poresynth.errors import ParameterError
 from poresynth.volume import Volume, as_volume
 
 __all__ = ["Request"]
 
 Shape = tuple[int, int, int]
+
+MAP_MEMORY = 40
+"""Most bytes a voxel that it takes to follow a porosity map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +30,8 @@ class Request:
     seed : int
     boundary : {"open", "periodic"}
     porosity : float or None
+    porosity_map : numpy.ndarray of float32 or None
+        Wanted porosity of each voxel; at most one of the two is given.
     known : numpy.ndarray or None
         Values that are kept, of the exemplar's channels.
     known_mask : numpy.ndarray of bool or None
@@ -39,6 +45,7 @@ class Request:
     seed: int
     boundary: Literal["open", "periodic"]
     porosity: float | None
+    porosity_map: npt.NDArray[np.float32] | None
     known: npt.NDArray[Any] | None
     known_mask: npt.NDArray[np.bool_] | None
     domain: npt.NDArray[np.bool_] | None
@@ -53,7 +60,7 @@ class Request:
         exemplar: Volume,
         seed: int,
         boundary: Literal["open", "periodic"],
-        porosity: float | None,
+        porosity: PorosityLike | None,
         known: Volume | npt.ArrayLike | None,
         known_mask: npt.NDArray[np.bool_] | None,
         mask: npt.NDArray[np.bool_] | None,
@@ -65,11 +72,10 @@ class Request:
         threads = _check_integer("threads", threads, 0, 4096)
         if boundary not in ("open", "periodic"):
             raise ParameterError("boundary", boundary, "must be 'open' or 'periodic'")
-        if porosity is not None and not 0 < porosity < 1:
-            raise ParameterError("porosity", porosity, "must be above 0 and below 1")
+        number, porosity_map = as_porosity(porosity, shape, exemplar.voxel_size)
         domain = None if mask is None else _check_mask("mask", mask, shape)
         given, on = _check_known(known, known_mask, shape, exemplar)
-        return cls(shape, seed, boundary, porosity, given, on, domain, threads)
+        return cls(shape, seed, boundary, number, porosity_map, given, on, domain, threads)
 
     @property
     def free(self) -> npt.NDArray[np.bool_] | None:
@@ -77,6 +83,11 @@ class Request:
         if self.domain is None:
             return None if self.known_mask is None else ~self.known_mask
         return self.domain if self.known_mask is None else self.domain & ~self.known_mask
+
+    @property
+    def map_memory(self) -> int:
+        """Bytes that a porosity map takes while it is followed."""
+        return 0 if self.porosity_map is None else MAP_MEMORY * self.porosity_map.size
 
     def filled(self, value: Any) -> npt.NDArray[Any] | None:
         """Return the known values, with one value elsewhere: there may be anything, NaN too."""
@@ -95,12 +106,17 @@ class Request:
 
     def provenance(self) -> dict[str, Any]:
         """Return what a result says of its making."""
-        return {
+        made = {
             "shape": list(self.shape),
             "seed": self.seed,
             "boundary": self.boundary,
             "porosity": self.porosity,
         }
+        if self.porosity_map is not None:
+            low, high = float(self.porosity_map.min()), float(self.porosity_map.max())
+            mean = float(self.porosity_map.mean(dtype=np.float64))
+            made["porosity_map"] = {"lowest": low, "highest": high, "mean": mean}
+        return made
 
 
 def _check_shape(shape: Shape, least: int) -> Shape:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from poresynth import _core
 from poresynth.engines.base import EnergyRecord, ProgressCallback, SynthesizedVolume
 from poresynth.engines.field_choice import choose_field
+from poresynth.engines.grading import Graded, follow_map
 from poresynth.engines.image_fields import (
     ColourField,
     DistanceField,
@@ -22,6 +23,7 @@ from poresynth.engines.image_fields import (
 )
 from poresynth.engines.images import Images, as_images, targets
 from poresynth.engines.mode_choice import choose_mode, example, options
+from poresynth.engines.porosity import PorosityLike
 from poresynth.engines.request import Request
 from poresynth.engines.roughness import smoothing_like
 from poresynth.engines.solid_parameters import Axis, SolidParameters, resolve_mode
@@ -286,7 +288,7 @@ class SolidTexture:
         *,
         seed: int = 0,
         boundary: Literal["open", "periodic"] = "open",
-        porosity: float | None = None,
+        porosity: PorosityLike | None = None,
         known: Volume | npt.ArrayLike | None = None,
         known_mask: npt.NDArray[np.bool_] | None = None,
         mask: npt.NDArray[np.bool_] | None = None,
@@ -308,8 +310,11 @@ class SolidTexture:
         boundary : {"open", "periodic"}, default "open"
             A periodic volume tiles space without a seam. An open one is cut out of a periodic one
             whose edges are multiples of 2^(levels − 1).
-        porosity : float, optional
-            Wanted pore fraction; the images' by default. Reproduced to within one voxel.
+        porosity : float, Volume, array_like or callable, optional
+            Wanted pore fraction; the images' by default. A number is reproduced to within one
+            voxel. A map (z, y, x) of the output's shape, or coarser and interpolated, or a
+            function ``porosity(z, y, x)`` of the voxels' centres in the unit of the voxel size,
+            gives it from place to place: see `poresynth.engines.grading.grade`.
         known : Volume or array_like, optional
             Values of the voxels that are given, in an array of the output's shape (and the images'
             channels). Kept exactly.
@@ -358,7 +363,10 @@ class SolidTexture:
             mask=mask,
             threads=threads,
         )
-        check_memory(self.estimate_memory(request.shape), f"a volume of {request.shape}")
+        check_memory(
+            self.estimate_memory(request.shape) + request.map_memory,
+            f"a volume of {request.shape}",
+        )
         field, energy = self._synthesize(request, progress)
         scores = self._field.scores(field)
         sigma = self._smoothing(scores, request.seed)
@@ -371,11 +379,14 @@ class SolidTexture:
         if images.phases.kind == "gray":
             gray = self._field.gray(field, request.seed, request.threads)
         array = phase_values(images.phases, images.pooled.array, phase, gray, request)
+        graded = None
+        if request.porosity_map is not None:
+            array, graded = follow_map(array, images.phases, scores, phase, request)
         return SynthesizedVolume(
             array,
             images.pooled.voxel_size,
             images.pooled.unit,
-            {"poresynth": self._provenance(request, sigma, repair)},
+            {"poresynth": self._provenance(request, sigma, repair, graded)},
             energy=tuple(EnergyRecord(*record) for record in energy),
         )
 
@@ -514,7 +525,9 @@ class SolidTexture:
             }
         return phase, repair
 
-    def _provenance(self, request: Request, sigma: float, repair: dict[str, Any]) -> dict[str, Any]:
+    def _provenance(
+        self, request: Request, sigma: float, repair: dict[str, Any], graded: Graded | None
+    ) -> dict[str, Any]:
         images, phases = self._images, self._images.phases
         learned = [phases.provenance(image) for image in images.images]
         axes = [axis for axis, _ in images.axes]
@@ -529,6 +542,7 @@ class SolidTexture:
             "smoothing": sigma,
             "repair": repair,
             **request.provenance(),
+            **({} if graded is None else {"grading": graded.provenance()}),
             "exemplar": learned[0] if len(learned) == 1 else learned,
         }
 

@@ -12,7 +12,9 @@ import numpy.typing as npt
 from poresynth import _core
 from poresynth.engines.base import EnergyRecord, ProgressCallback, SynthesizedVolume
 from poresynth.engines.field_choice import choose_field
+from poresynth.engines.grading import Graded, follow_map
 from poresynth.engines.phases import Phases
+from poresynth.engines.porosity import PorosityLike
 from poresynth.engines.request import Request
 from poresynth.engines.texture_parameters import resolve
 from poresynth.engines.values import channels_first, cut, phase_values
@@ -234,7 +236,7 @@ class VolumeTexture:
         *,
         seed: int = 0,
         boundary: Literal["open", "periodic"] = "open",
-        porosity: float | None = None,
+        porosity: PorosityLike | None = None,
         known: Volume | npt.ArrayLike | None = None,
         known_mask: npt.NDArray[np.bool_] | None = None,
         mask: npt.NDArray[np.bool_] | None = None,
@@ -255,8 +257,11 @@ class VolumeTexture:
             From 0 to 2⁶⁴ − 1.
         boundary : {"open", "periodic"}, default "open"
             A periodic volume tiles space without a seam.
-        porosity : float, optional
-            Wanted pore fraction; the exemplar's by default. Reproduced to within one voxel.
+        porosity : float, Volume, array_like or callable, optional
+            Wanted pore fraction; the exemplar's by default. A number is reproduced to within one
+            voxel. A map (z, y, x) of the output's shape, or coarser and interpolated, or a
+            function ``porosity(z, y, x)`` of the voxels' centres in the unit of the voxel size,
+            gives it from place to place: see `poresynth.engines.grading.grade`.
         known : Volume or array_like, optional
             Values of the voxels that are given, in an array of the output's shape (and the
             exemplar's channels): a scan to extend, the surroundings of a hole. Kept exactly.
@@ -308,7 +313,10 @@ class VolumeTexture:
             mask=mask,
             threads=threads,
         )
-        check_memory(self.estimate_memory(request.shape), f"a volume of {request.shape}")
+        check_memory(
+            self.estimate_memory(request.shape) + request.map_memory,
+            f"a volume of {request.shape}",
+        )
         exemplar_field = self._field(self.exemplar_.array, phases.phase)
         field, [match_map], energy = _core.synthesize(
             [self._example(exemplar_field)],
@@ -336,12 +344,15 @@ class VolumeTexture:
                 threads=request.threads,
             )
         array = phase_values(phases, self.exemplar_.array, phase, gray, request)
+        graded = None
+        if request.porosity_map is not None:
+            array, graded = follow_map(array, phases, self._bright(scores), phase, request)
         copied, block = match_map.copying()
         return SynthesizedVolume(
             array,
             self.exemplar_.voxel_size,
             self.exemplar_.unit,
-            {"poresynth": self._provenance(request, copied, block)},
+            {"poresynth": self._provenance(request, copied, block, graded)},
             match_map=match_map,
             energy=tuple(EnergyRecord(*record) for record in energy),
         )
@@ -485,12 +496,16 @@ class VolumeTexture:
 
     def _cut(self, scores: npt.NDArray[np.float32], request: Request) -> npt.NDArray[np.uint8]:
         """Return the phase of every voxel, with exactly the wanted number in each."""
-        dark = self.field_ == "intensity" and self._phases.kind == "gray"
-        if dark and self._phases.solid == "dark":
-            scores = -scores
-        return cut(self._phases, scores, request)
+        return cut(self._phases, self._bright(scores), request)
 
-    def _provenance(self, request: Request, copied: float, block: float) -> dict[str, Any]:
+    def _bright(self, scores: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Return the scores so that the solid's are high."""
+        dark = self.field_ == "intensity" and self._phases.kind == "gray"
+        return -scores if dark and self._phases.solid == "dark" else scores
+
+    def _provenance(
+        self, request: Request, copied: float, block: float, graded: Graded | None
+    ) -> dict[str, Any]:
         return {
             "version": _core.__version__,
             "engine": "volume",
@@ -498,6 +513,7 @@ class VolumeTexture:
             "field": self.field_,
             "field_reason": self.field_reason_,
             **request.provenance(),
+            **({} if graded is None else {"grading": graded.provenance()}),
             "exemplar": self._phases.provenance(self.exemplar_),
             "copying": {"copy_fraction": copied, "mean_copied_block": block},
         }
