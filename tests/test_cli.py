@@ -530,3 +530,31 @@ def test_demo(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "porosity" in capsys.readouterr().out
     names = {path.name for path in Path("shown").iterdir()}
     assert names >= {"exemplar.tif", "new.tif", "new.tif.json", "report.html", "report.json"}
+
+
+# Porosity from place to place
+
+
+def test_porosity_follows_a_ramp_or_a_map(
+    example: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ramp = synthesize(example, "--porosity", "z=0.4:0.7", "--seed", 2)
+    origin = json.loads(Path("new.tif.json").read_text())["poresynth"]
+    level = origin["exemplar"]["threshold"]
+    assert 1 - np.mean(ramp > level) == pytest.approx(0.55, abs=0.01)
+    assert np.mean(ramp[:10] > level) > np.mean(ramp[10:] > level) + 0.05
+    assert origin["grading"]["mean_absolute_error_percent"] < 3
+    assert "--porosity z=0.4:0.7" in origin["command"]
+    places = (np.arange(20) + 0.5) / 20
+    mapped = np.broadcast_to((0.4 + 0.3 * places)[:, None, None], (20, 18, 16))
+    np.save("map.npy", mapped.astype(np.float32))
+    again = synthesize(example, "--porosity", "map.npy", "--seed", 2)
+    assert np.mean(again != ramp) < 0.01
+    for wrong, said in (
+        ("1.5", "porosity"),
+        ("z=a:b", "porosity"),
+        ("z=0:1.5", "porosity"),
+        ("nothing.npy", "nothing.npy"),
+    ):
+        words = [example, "-o", "bad.tif", *SHAPE, *SMALL, "--porosity", wrong]
+        assert said in refused(capsys, "synthesize", *words)

@@ -58,7 +58,7 @@ def synthesize(
     preset: str | None = None,
     seed: int | None = None,
     periodic: Annotated[bool | None, Parameter(negative="--open")] = None,
-    porosity: float | None = None,
+    porosity: str | None = None,
     threshold: float | None = None,
     solid: Solid | None = None,
     mask: Path | None = None,
@@ -109,7 +109,8 @@ def synthesize(
     periodic
         The new volume tiles without a seam. [default: open]
     porosity
-        Wanted porosity, 0 to 1. [default: the exemplar's own]
+        Wanted porosity: a number from 0 to 1; AXIS=FROM:TO, such as z=0.6:0.9, from face to face;
+        or a volume of the wanted shape, or coarser, that holds it. [default: the exemplar's own]
     threshold
         Gray value that separates solid from pore. [default: Otsu's]
     solid
@@ -141,7 +142,7 @@ def synthesize(
         "engine": engine,
         "seed": seed,
         "boundary": None if periodic is None else "periodic" if periodic else "open",
-        "porosity": porosity,
+        "porosity": _number(porosity),
         "mask": _text(mask),
         "known": _text(known),
         "known_mask": _text(known_mask),
@@ -494,6 +495,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _given(values: Mapping[str, Any]) -> dict[str, Any]:
     """Leave out what the command line did not say."""
     return {name: value for name, value in values.items() if value is not None}
+
+
+def _number(text: str | None) -> float | str | None:
+    """Return a number where the text is one."""
+    try:
+        return text if text is None else float(text)
+    except ValueError:
+        return text
 
 
 def _text(path: Path | None) -> str | None:

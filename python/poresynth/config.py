@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -55,6 +56,13 @@ def _several(value: Any) -> Any:
 def _one(values: tuple[str, ...]) -> Any:
     """Write a list of one as the text alone: so it stands in the files that there are."""
     return values[0] if len(values) == 1 else values
+
+
+def _fraction(value: Any) -> Any:
+    """Refuse a number that is no porosity; a text is looked at where its file is."""
+    if isinstance(value, float) and not 0 < value < 1:
+        raise ValueError("must be above 0 and below 1")
+    return value
 
 
 Texts = Annotated[
@@ -168,8 +176,9 @@ class RunConfig(_Model):
         Seed of the run.
     boundary : {"open", "periodic"}, default "open"
         A periodic volume tiles without a seam.
-    porosity : float, optional
-        Wanted porosity, 0 to 1; the exemplar's own unless given.
+    porosity : float or str, optional
+        Wanted porosity, 0 to 1; the exemplar's own unless given. "z=0.6:0.9" goes from 0.6 at the
+        first face across z to 0.9 at the last; any other text is the path of a map.
     mask, known, known_mask : str, optional
         Paths of the domain that matters, of the known voxels and of where they are known.
     prune : PruneConfig, optional
@@ -189,7 +198,7 @@ class RunConfig(_Model):
     engine: str = "volume"
     seed: Annotated[int, Field(ge=0)] = 0
     boundary: Literal["open", "periodic"] = "open"
-    porosity: Annotated[float, Field(gt=0, lt=1)] | None = None
+    porosity: Annotated[float | str | None, AfterValidator(_fraction)] = None
     mask: str | None = None
     known: str | None = None
     known_mask: str | None = None

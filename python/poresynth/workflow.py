@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -168,13 +169,34 @@ def _sample(run: RunConfig, exemplars: Sequence[Volume], threads: int) -> Synthe
             run.shape,
             seed=run.seed,
             boundary=run.boundary,
-            porosity=run.porosity,
+            porosity=_porosity(run),
             known=known,
             known_mask=None if known_mask is None else known_mask != 0,
             mask=None if mask is None else mask != 0,
             threads=threads,
             progress=progress,
         )
+
+
+def _porosity(run: RunConfig) -> Any:
+    """Return the porosity as engines take it: a number, a function of position, or a map."""
+    import numpy as np
+
+    if not isinstance(run.porosity, str):
+        return run.porosity
+    found = re.fullmatch(r"([zyx])=([^:=]+):([^:=]+)", run.porosity)
+    if found is None:
+        return read(Path(run.porosity)).array
+    try:
+        first, last = (float(text) for text in found.groups()[1:])
+    except ValueError:
+        allowed = "must be a number, a map's path, or AXIS=FROM:TO such as z=0.6:0.9"
+        raise ParameterError("porosity", run.porosity, allowed) from None
+    along = "zyx".index(found[1])
+    shape = [run.shape[axis] if axis == along else 1 for axis in range(3)]
+    # Linear from face to face; the outermost voxels' centres lie half a voxel inside.
+    places = (np.arange(run.shape[along]) + 0.5) / run.shape[along]
+    return np.broadcast_to((first + (last - first) * places).reshape(shape), run.shape)
 
 
 def _prune_new(
