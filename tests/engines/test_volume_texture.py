@@ -212,8 +212,26 @@ def test_outside_the_mask_is_pore_and_inside_has_the_porosity() -> None:
     assert (made.array[~ball] == exemplar.min()).all()
     inside = (made.array[ball] <= engine.threshold_).mean()
     assert abs(inside - engine.porosity_) <= 1 / ball.sum()
-    matches = made.match_map.matches
-    assert (matches[..., 0] == 65535).any()
+    # Nothing beyond the box round the ball was looked at.
+    assert made.match_map.shape == (15, 15, 15)
+    z, y, x = np.indices(SHAPE)
+    corners = (z + y + x < 12) | (z + y + x > sum(SHAPE) - 15)
+    made = engine.sample(SHAPE, mask=corners)
+    assert made.match_map.shape == SHAPE
+    assert (made.match_map.matches[..., 0] == 65535).any()
+    assert (made.array[~corners] == exemplar.min()).all()
+
+
+def test_a_box_at_the_border_is_as_large_as_the_engine_needs() -> None:
+    exemplar = gray()
+    engine = VolumeTexture(**SMALL).fit(exemplar)
+    spot = np.zeros(SHAPE, bool)
+    spot[-1, -1, -1] = True
+    known = np.full(SHAPE, exemplar.max())
+    made = engine.sample(SHAPE, mask=spot, known=known, known_mask=spot)
+    assert made.array[-1, -1, -1] == exemplar.max()
+    assert (made.array[~spot] == exemplar.min()).all()
+    assert all(8 <= n <= 16 for n in made.match_map.shape)
 
 
 # --- presets, options -------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -39,6 +39,8 @@ class Request:
     domain : numpy.ndarray of bool or None
         The voxels that matter.
     threads : int
+    least : int
+        Smallest edge that the engine can make, voxels.
     """
 
     shape: Shape
@@ -50,6 +52,7 @@ class Request:
     known_mask: npt.NDArray[np.bool_] | None
     domain: npt.NDArray[np.bool_] | None
     threads: int
+    least: int
 
     @classmethod
     def of(
@@ -75,7 +78,7 @@ class Request:
         number, porosity_map = as_porosity(porosity, shape, exemplar.voxel_size)
         domain = None if mask is None else _check_mask("mask", mask, shape)
         given, on = _check_known(known, known_mask, shape, exemplar)
-        return cls(shape, seed, boundary, number, porosity_map, given, on, domain, threads)
+        return cls(shape, seed, boundary, number, porosity_map, given, on, domain, threads, least)
 
     @property
     def free(self) -> npt.NDArray[np.bool_] | None:
@@ -88,6 +91,53 @@ class Request:
     def map_memory(self) -> int:
         """Bytes that a porosity map takes while it is followed."""
         return 0 if self.porosity_map is None else MAP_MEMORY * self.porosity_map.size
+
+    def around_domain(self) -> tuple[Request, tuple[slice, ...]]:
+        """Return the request for the box round the domain, and where that is.
+
+        All is asked for if there is no domain, or the volume is periodic. The box is at least as
+        large as the engine needs.
+        """
+        everything = tuple(slice(0, n) for n in self.shape)
+        if self.domain is None or self.boundary == "periodic":
+            return self, everything
+        where = []
+        for axis, n in enumerate(self.shape):
+            others = tuple(i for i in range(3) if i != axis)
+            inside = np.flatnonzero(self.domain.any(axis=others))
+            first, edge = int(inside[0]), int(inside[-1] - inside[0]) + 1
+            edge = max(edge, self.least)
+            start = min(first, n - edge)
+            where.append(slice(start, start + edge))
+        box = tuple(where)
+        z, y, x = (part.stop - part.start for part in where)
+
+        def cut(array: npt.NDArray[Any] | None) -> npt.NDArray[Any] | None:
+            return None if array is None else np.ascontiguousarray(array[box])
+
+        known_mask, known = cut(self.known_mask), cut(self.known)
+        if known_mask is not None and not known_mask.any():
+            known_mask = known = None
+        inner = replace(
+            self,
+            shape=(z, y, x),
+            porosity_map=cut(self.porosity_map),
+            known=known,
+            known_mask=known_mask,
+            domain=cut(self.domain),
+        )
+        return inner, box
+
+    def whole(
+        self, array: npt.NDArray[Any], where: tuple[slice, ...], outside: Any
+    ) -> npt.NDArray[Any]:
+        """Return what was made for a box in the volume that was asked for."""
+        if array.shape[:3] == self.shape:
+            return array
+        full = np.empty(self.shape + array.shape[3:], array.dtype)
+        full[...] = outside
+        full[where] = array
+        return full
 
     def filled(self, value: Any) -> npt.NDArray[Any] | None:
         """Return the known values, with one value elsewhere: there may be anything, NaN too."""

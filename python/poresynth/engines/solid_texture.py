@@ -27,7 +27,7 @@ from poresynth.engines.porosity import PorosityLike
 from poresynth.engines.request import Request
 from poresynth.engines.roughness import smoothing_like
 from poresynth.engines.solid_parameters import Axis, SolidParameters, resolve_mode
-from poresynth.engines.values import cut, phase_values
+from poresynth.engines.values import cut, outside_value, phase_values
 from poresynth.errors import FileError, ParameterError
 from poresynth.pruning.connecting import connect
 from poresynth.resources import check_memory
@@ -322,6 +322,7 @@ class SolidTexture:
             Where ``known`` counts; shape (z, y, x).
         mask : numpy.ndarray of bool, optional
             The voxels that matter, shape (z, y, x); voxels outside hold the pore's lowest value.
+            Memory and time go with the box round it.
         threads : int, default 0
             0 takes all cores.
         progress : callable, optional
@@ -363,27 +364,27 @@ class SolidTexture:
             mask=mask,
             threads=threads,
         )
+        part, where = request.around_domain()
         check_memory(
-            self.estimate_memory(request.shape) + request.map_memory,
-            f"a volume of {request.shape}",
+            self.estimate_memory(part.shape) + part.map_memory, f"a volume of {request.shape}"
         )
-        field, energy = self._synthesize(request, progress)
+        field, energy = self._synthesize(part, progress)
         scores = self._field.scores(field)
-        sigma = self._smoothing(scores, request.seed)
+        sigma = self._smoothing(scores, part.seed)
         if sigma > 0:
-            field = _core.gaussian(field, sigma, boundary=request.boundary)
+            field = _core.gaussian(field, sigma, boundary=part.boundary)
             scores = self._field.scores(field)
-        phase = cut(images.phases, scores, request)
-        phase, repair = self._repaired(phase, scores, request)
+        phase = cut(images.phases, scores, part)
+        phase, repair = self._repaired(phase, scores, part)
         gray = field
         if images.phases.kind == "gray":
-            gray = self._field.gray(field, request.seed, request.threads)
-        array = phase_values(images.phases, images.pooled.array, phase, gray, request)
+            gray = self._field.gray(field, part.seed, part.threads)
+        array = phase_values(images.phases, images.pooled.array, phase, gray, part)
         graded = None
-        if request.porosity_map is not None:
-            array, graded = follow_map(array, images.phases, scores, phase, request)
+        if part.porosity_map is not None:
+            array, graded = follow_map(array, images.phases, scores, phase, part)
         return SynthesizedVolume(
-            array,
+            request.whole(array, where, outside_value(images.phases, images.pooled.array)),
             images.pooled.voxel_size,
             images.pooled.unit,
             {"poresynth": self._provenance(request, sigma, repair, graded)},

@@ -12,7 +12,7 @@ from poresynth.engines.phases import Phases
 from poresynth.engines.request import Request
 from poresynth.metrics.histograms import match_histogram
 
-__all__ = ["channels_first", "cut", "phase_values"]
+__all__ = ["channels_first", "cut", "outside_value", "phase_values"]
 
 
 def channels_first(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -75,7 +75,7 @@ def phase_values(
     array: npt.NDArray[Any]
     if phases.kind != "gray":
         array = phases.labels[phase]
-        request.impose(array, phases.labels[0])
+        request.impose(array, outside_value(phases, exemplar))
         return array
     free = request.free
     channels = channels_first(exemplar)
@@ -95,13 +95,27 @@ def phase_values(
                 threads=request.threads,
             )
             out[channel][here] = placed.ravel()
-    outside = channels.min(axis=(1, 2, 3))
-    if phases.solid == "dark":
-        outside = channels.max(axis=(1, 2, 3))
-    if exemplar.ndim == 3:
-        array = out[0]
-        request.impose(array, outside[0])
-    else:
-        array = np.ascontiguousarray(np.moveaxis(out, 0, -1))
-        request.impose(array, outside)
+    array = out[0] if exemplar.ndim == 3 else np.ascontiguousarray(np.moveaxis(out, 0, -1))
+    request.impose(array, outside_value(phases, exemplar))
     return array
+
+
+def outside_value(phases: Phases, exemplar: npt.NDArray[Any]) -> Any:
+    """Return what lies outside the domain: the pore, of gray values the emptiest.
+
+    Parameters
+    ----------
+    phases : Phases
+        The exemplar's.
+    exemplar : numpy.ndarray
+        Shape (z, y, x[, channel]).
+
+    Returns
+    -------
+    scalar or numpy.ndarray
+        A value, or one a channel.
+    """
+    if phases.kind != "gray":
+        return phases.labels[0]
+    emptiest = np.max if phases.solid == "dark" else np.min
+    return emptiest(exemplar, axis=(0, 1, 2))

@@ -17,7 +17,7 @@ from poresynth.engines.phases import Phases
 from poresynth.engines.porosity import PorosityLike
 from poresynth.engines.request import Request
 from poresynth.engines.texture_parameters import resolve
-from poresynth.engines.values import channels_first, cut, phase_values
+from poresynth.engines.values import channels_first, cut, outside_value, phase_values
 from poresynth.errors import FileError, ParameterError
 from poresynth.preprocess import validate_voxels
 from poresynth.resources import check_memory
@@ -269,7 +269,8 @@ class VolumeTexture:
             Where ``known`` counts; shape (z, y, x).
         mask : numpy.ndarray of bool, optional
             The voxels that matter, shape (z, y, x); windows that miss it are not searched, and
-            voxels outside hold the pore's lowest value.
+            voxels outside hold the pore's lowest value. Memory goes with the box round it; the
+            match map then covers that box.
         threads : int, default 0
             0 takes all cores.
         progress : callable, optional
@@ -313,26 +314,26 @@ class VolumeTexture:
             mask=mask,
             threads=threads,
         )
+        part, where = request.around_domain()
         check_memory(
-            self.estimate_memory(request.shape) + request.map_memory,
-            f"a volume of {request.shape}",
+            self.estimate_memory(part.shape) + part.map_memory, f"a volume of {request.shape}"
         )
         exemplar_field = self._field(self.exemplar_.array, phases.phase)
         field, [match_map], energy = _core.synthesize(
             [self._example(exemplar_field)],
-            request.shape,
-            self._options(request.boundary),
-            seed=request.seed,
-            known=self._known_field(request),
-            known_mask=request.known_mask,
-            domain=request.domain,
-            threads=request.threads,
+            part.shape,
+            self._options(part.boundary),
+            seed=part.seed,
+            known=self._known_field(part),
+            known_mask=part.known_mask,
+            domain=part.domain,
+            threads=part.threads,
             progress=progress,
         )
         scores = field
         if self.field_ == "distance" and p.smoothing > 0:
-            scores = _core.gaussian(field, p.smoothing, boundary=request.boundary)
-        phase = self._cut(scores, request)
+            scores = _core.gaussian(field, p.smoothing, boundary=part.boundary)
+        phase = self._cut(scores, part)
         gray = field
         if phases.kind == "gray" and self.field_ == "distance":
             gray = _core.carry(
@@ -340,16 +341,17 @@ class VolumeTexture:
                 field,
                 np.ascontiguousarray(channels_first(self.exemplar_.array), dtype=np.float32),
                 match_map,
-                seed=request.seed,
-                threads=request.threads,
+                seed=part.seed,
+                threads=part.threads,
             )
-        array = phase_values(phases, self.exemplar_.array, phase, gray, request)
+        array = phase_values(phases, self.exemplar_.array, phase, gray, part)
         graded = None
-        if request.porosity_map is not None:
-            array, graded = follow_map(array, phases, self._bright(scores), phase, request)
+        if part.porosity_map is not None:
+            array, graded = follow_map(array, phases, self._bright(scores), phase, part)
+        outside = outside_value(phases, self.exemplar_.array)
         copied, block = match_map.copying()
         return SynthesizedVolume(
-            array,
+            request.whole(array, where, outside),
             self.exemplar_.voxel_size,
             self.exemplar_.unit,
             {"poresynth": self._provenance(request, copied, block, graded)},
