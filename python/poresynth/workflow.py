@@ -109,6 +109,12 @@ def synthesize(run: RunConfig, output: Path, threads: int, report: Path | None) 
         origin["command"] = run.command(output)
         io.write(output, volume)
         console.result(f"new volume: {output}")
+        for name, ratio in (origin.get("seam") or {}).items():
+            if ratio is not None:
+                console.result(
+                    f"seam at the known voxels: {ratio:.2f} times the {name.replace('_', ' ')} "
+                    "of the exemplar"
+                )
         for reason in ("field_reason", "mode_reason"):
             if reason in origin:
                 console.result(f"synthesised: {origin[reason]}")

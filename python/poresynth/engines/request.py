@@ -18,6 +18,8 @@ Shape = tuple[int, int, int]
 
 MAP_MEMORY = 40
 """Most bytes a voxel that it takes to follow a porosity map."""
+KNOWN_MEMORY = 30
+"""Most bytes a voxel that it takes to lead new voxels up to known ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +90,11 @@ class Request:
         return self.domain if self.known_mask is None else self.domain & ~self.known_mask
 
     @property
-    def map_memory(self) -> int:
-        """Bytes that a porosity map takes while it is followed."""
-        return 0 if self.porosity_map is None else MAP_MEMORY * self.porosity_map.size
+    def memory(self) -> int:
+        """Most bytes that a porosity map or known voxels take besides the synthesis."""
+        each = 0 if self.porosity_map is None else MAP_MEMORY
+        each = max(each, 0 if self.known is None else KNOWN_MEMORY)
+        return each * int(np.prod(self.shape, dtype=object))
 
     def around_domain(self) -> tuple[Request, tuple[slice, ...]]:
         """Return the request for the box round the domain, and where that is.

@@ -365,9 +365,7 @@ class SolidTexture:
             threads=threads,
         )
         part, where = request.around_domain()
-        check_memory(
-            self.estimate_memory(part.shape) + part.map_memory, f"a volume of {request.shape}"
-        )
+        check_memory(self.estimate_memory(part.shape) + part.memory, f"a volume of {request.shape}")
         field, energy = self._synthesize(part, progress)
         scores = self._field.scores(field)
         sigma = self._smoothing(scores, part.seed)

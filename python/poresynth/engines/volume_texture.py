@@ -16,6 +16,8 @@ from poresynth.engines.grading import Graded, follow_map
 from poresynth.engines.phases import Phases
 from poresynth.engines.porosity import PorosityLike
 from poresynth.engines.request import Request
+from poresynth.engines.seam import seam
+from poresynth.engines.settling import settle
 from poresynth.engines.texture_parameters import resolve
 from poresynth.engines.values import channels_first, cut, outside_value, phase_values
 from poresynth.errors import FileError, ParameterError
@@ -264,7 +266,8 @@ class VolumeTexture:
             gives it from place to place: see `poresynth.engines.grading.grade`.
         known : Volume or array_like, optional
             Values of the voxels that are given, in an array of the output's shape (and the
-            exemplar's channels): a scan to extend, the surroundings of a hole. Kept exactly.
+            exemplar's channels): a scan to extend, the surroundings of a hole. Kept exactly; how
+            visible its border is stands in the provenance, see `poresynth.engines.seam.seam`.
         known_mask : numpy.ndarray of bool, optional
             Where ``known`` counts; shape (z, y, x).
         mask : numpy.ndarray of bool, optional
@@ -315,9 +318,7 @@ class VolumeTexture:
             threads=threads,
         )
         part, where = request.around_domain()
-        check_memory(
-            self.estimate_memory(part.shape) + part.map_memory, f"a volume of {request.shape}"
-        )
+        check_memory(self.estimate_memory(part.shape) + part.memory, f"a volume of {request.shape}")
         exemplar_field = self._field(self.exemplar_.array, phases.phase)
         field, [match_map], energy = _core.synthesize(
             [self._example(exemplar_field)],
@@ -330,31 +331,38 @@ class VolumeTexture:
             threads=part.threads,
             progress=progress,
         )
+        known_mask = part.known_mask
+        if known_mask is not None:
+            surface = 127.5 if self.field_ == "distance" else None
+            field = settle(field, exemplar_field, known_mask, part.domain, cut=surface)
         scores = field
         if self.field_ == "distance" and p.smoothing > 0:
             scores = _core.gaussian(field, p.smoothing, boundary=part.boundary)
         phase = self._cut(scores, part)
         gray = field
         if phases.kind == "gray" and self.field_ == "distance":
+            values = np.ascontiguousarray(channels_first(self.exemplar_.array), dtype=np.float32)
             gray = _core.carry(
-                exemplar_field,
-                field,
-                np.ascontiguousarray(channels_first(self.exemplar_.array), dtype=np.float32),
-                match_map,
-                seed=part.seed,
-                threads=part.threads,
+                exemplar_field, field, values, match_map, seed=part.seed, threads=part.threads
             )
+            if known_mask is not None and part.known is not None:
+                gray[:, known_mask] = channels_first(part.known)[:, known_mask]
+                gray = settle(gray, values, known_mask, part.domain)
         array = phase_values(phases, self.exemplar_.array, phase, gray, part)
         graded = None
         if part.porosity_map is not None:
             array, graded = follow_map(array, phases, self._bright(scores), phase, part)
         outside = outside_value(phases, self.exemplar_.array)
+        border = None
+        if known_mask is not None:
+            new = (array, phases.phase_of(array) > 0)
+            border = seam(new, (self.exemplar_.array, phases.phase > 0), known_mask, part.domain)
         copied, block = match_map.copying()
         return SynthesizedVolume(
             request.whole(array, where, outside),
             self.exemplar_.voxel_size,
             self.exemplar_.unit,
-            {"poresynth": self._provenance(request, copied, block, graded)},
+            {"poresynth": self._provenance(request, copied, block, graded, border)},
             match_map=match_map,
             energy=tuple(EnergyRecord(*record) for record in energy),
         )
@@ -506,7 +514,12 @@ class VolumeTexture:
         return -scores if dark and self._phases.solid == "dark" else scores
 
     def _provenance(
-        self, request: Request, copied: float, block: float, graded: Graded | None
+        self,
+        request: Request,
+        copied: float,
+        block: float,
+        graded: Graded | None,
+        border: dict[str, float | None] | None,
     ) -> dict[str, Any]:
         return {
             "version": _core.__version__,
@@ -516,6 +529,7 @@ class VolumeTexture:
             "field_reason": self.field_reason_,
             **request.provenance(),
             **({} if graded is None else {"grading": graded.provenance()}),
+            **({} if border is None else {"seam": border}),
             "exemplar": self._phases.provenance(self.exemplar_),
             "copying": {"copy_fraction": copied, "mean_copied_block": block},
         }
