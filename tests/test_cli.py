@@ -558,3 +558,26 @@ def test_porosity_follows_a_ramp_or_a_map(
     ):
         words = [example, "-o", "bad.tif", *SHAPE, *SMALL, "--porosity", wrong]
         assert said in refused(capsys, "synthesize", *words)
+
+
+def test_structure_scales_and_turns(
+    example: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    large = synthesize(example, "--scale", "x=1:1.5", "--seed", 2)
+    assert large.shape == (20, 18, 16)
+    origin = json.loads(Path("new.tif.json").read_text())["poresynth"]
+    assert origin["coordinates"]["mean_angle_degrees"] == pytest.approx(0, abs=5)
+    vectors = np.zeros((1, 1, 1, 3), np.float32)
+    vectors[..., 2] = 1.2
+    np.save("way.npy", vectors)
+    turned = synthesize(example, "--orientation", "way.npy", "--seed", 2)
+    origin = json.loads(Path("new.tif.json").read_text())["poresynth"]
+    assert "--orientation way.npy --orientation-axis z" in origin["command"]
+    run("synthesize", "-o", "again.tif", "--config", "new.tif.json")
+    np.testing.assert_array_equal(io.read("again.tif").array, turned)
+    words = [example, "-o", "bad.tif", *SHAPE, *SMALL]
+    assert "scale" in refused(capsys, "synthesize", *words, "--scale", 20)
+    image = folder / "image.tif"
+    run("crop", example, "5:6", ":", ":", "-o", image)
+    words = [image, "-o", "bad.tif", "--engine", "solid", "--shape", 16, 16, 16, "--scale", 2]
+    assert "engine solid" in refused(capsys, "synthesize", *words)

@@ -59,6 +59,9 @@ def synthesize(
     seed: int | None = None,
     periodic: Annotated[bool | None, Parameter(negative="--open")] = None,
     porosity: str | None = None,
+    scale: str | None = None,
+    orientation: Path | None = None,
+    orientation_axis: Literal["z", "y", "x"] | None = None,
     threshold: float | None = None,
     solid: Solid | None = None,
     mask: Path | None = None,
@@ -111,6 +114,14 @@ def synthesize(
     porosity
         Wanted porosity: a number from 0 to 1; AXIS=FROM:TO, such as z=0.6:0.9, from face to face;
         or a volume of the wanted shape, or coarser, that holds it. [default: the exemplar's own]
+    scale
+        Factor by which the structure is larger than the example's, 1/8 to 8: a number;
+        AXIS=FROM:TO; or a volume that holds it.
+    orientation
+        An array (z, y, x, 3), or coarser, of vectors z y x: along them the example's
+        `--orientation-axis` runs, stretched by their length.
+    orientation_axis
+        The example's axis that follows the vectors. [default: z]
     threshold
         Gray value that separates solid from pore. [default: Otsu's]
     solid
@@ -143,6 +154,9 @@ def synthesize(
         "seed": seed,
         "boundary": None if periodic is None else "periodic" if periodic else "open",
         "porosity": _number(porosity),
+        "scale": _number(scale),
+        "orientation": _text(orientation),
+        "orientation_axis": orientation_axis,
         "mask": _text(mask),
         "known": _text(known),
         "known_mask": _text(known_mask),

@@ -179,6 +179,14 @@ class RunConfig(_Model):
     porosity : float or str, optional
         Wanted porosity, 0 to 1; the exemplar's own unless given. "z=0.6:0.9" goes from 0.6 at the
         first face across z to 0.9 at the last; any other text is the path of a map.
+    scale : float or str, optional
+        Factor by which the structure is larger than the exemplar's, 1/8 to 8; like the porosity a
+        number, "z=1:2", or the path of a map.
+    orientation : str, optional
+        Path of vectors (z, y, x), an array of shape (z, y, x, 3) or coarser, along which the
+        exemplar's ``orientation_axis`` runs, stretched by their length.
+    orientation_axis : {"z", "y", "x"}, default "z"
+        The exemplar's axis that follows the vectors.
     mask, known, known_mask : str, optional
         Paths of the domain that matters, of the known voxels and of where they are known.
     prune : PruneConfig, optional
@@ -199,6 +207,9 @@ class RunConfig(_Model):
     seed: Annotated[int, Field(ge=0)] = 0
     boundary: Literal["open", "periodic"] = "open"
     porosity: Annotated[float | str | None, AfterValidator(_fraction)] = None
+    scale: PositiveFloat | str | None = None
+    orientation: str | None = None
+    orientation_axis: Literal["z", "y", "x"] = "z"
     mask: str | None = None
     known: str | None = None
     known_mask: str | None = None
@@ -229,7 +240,13 @@ class RunConfig(_Model):
         if self.boundary == "periodic":
             words.append("--periodic")
         paths = {"mask": self.mask, "known": self.known, "known-mask": self.known_mask}
-        flags = {"porosity": self.porosity, **paths, **self.input.model_dump(exclude_defaults=True)}
+        fields = {
+            "porosity": self.porosity,
+            "scale": self.scale,
+            "orientation": self.orientation,
+            "orientation-axis": None if self.orientation is None else self.orientation_axis,
+        }
+        flags = {**fields, **paths, **self.input.model_dump(exclude_defaults=True)}
         for name, value in flags.items():
             if value is not None:
                 values = value if isinstance(value, tuple) else (value,)

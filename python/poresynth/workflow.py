@@ -38,6 +38,9 @@ __all__ = [
 IMAGE_ENGINES = {"solid": 3}
 """Engines that learn from images, with the most that each takes; the others take one volume."""
 
+TURNING_ENGINE = "volume"
+"""The engine whose structure can turn and scale from place to place."""
+
 # Channels of a plain array (y, x, channel): more are the voxels of a volume.
 _CHANNELS = 4
 
@@ -162,6 +165,7 @@ def _sample(run: RunConfig, exemplars: Sequence[Volume], threads: int) -> Synthe
         None if path is None else read(Path(path)).array
         for path in (run.known, run.known_mask, run.mask)
     )
+    directions = _directions(run)
     example = exemplars[0] if len(exemplars) == 1 else exemplars
     engine = get_engine(run.engine)(**run.parameters).fit(example)
     needed, free = engine.estimate_memory(run.shape), available_memory()
@@ -175,7 +179,8 @@ def _sample(run: RunConfig, exemplars: Sequence[Volume], threads: int) -> Synthe
             run.shape,
             seed=run.seed,
             boundary=run.boundary,
-            porosity=_porosity(run),
+            porosity=_field_of(run, "porosity"),
+            **directions,
             known=known,
             known_mask=None if known_mask is None else known_mask != 0,
             mask=None if mask is None else mask != 0,
@@ -184,20 +189,36 @@ def _sample(run: RunConfig, exemplars: Sequence[Volume], threads: int) -> Synthe
         )
 
 
-def _porosity(run: RunConfig) -> Any:
-    """Return the porosity as engines take it: a number, a function of position, or a map."""
+def _directions(run: RunConfig) -> dict[str, Any]:
+    """Return how structure turns and scales, for engines that can do it."""
+    given: dict[str, Any] = {}
+    if run.scale is not None:
+        given["scale"] = _field_of(run, "scale")
+    if run.orientation is not None:
+        given["orientation"] = read(Path(run.orientation)).array
+        given["orientation_axis"] = run.orientation_axis
+    if given and run.engine != TURNING_ENGINE:
+        name = next(iter(given))
+        allowed = f"must not be given for the engine {run.engine}, only for {TURNING_ENGINE}"
+        raise ParameterError(name, getattr(run, name), allowed)
+    return given
+
+
+def _field_of(run: RunConfig, name: Literal["porosity", "scale"]) -> Any:
+    """Return a number, or a map: from a file, or linear from face to face."""
     import numpy as np
 
-    if not isinstance(run.porosity, str):
-        return run.porosity
-    found = re.fullmatch(r"([zyx])=([^:=]+):([^:=]+)", run.porosity)
+    wanted = getattr(run, name)
+    if not isinstance(wanted, str):
+        return wanted
+    found = re.fullmatch(r"([zyx])=([^:=]+):([^:=]+)", wanted)
     if found is None:
-        return read(Path(run.porosity)).array
+        return read(Path(wanted)).array
     try:
         first, last = (float(text) for text in found.groups()[1:])
     except ValueError:
         allowed = "must be a number, a map's path, or AXIS=FROM:TO such as z=0.6:0.9"
-        raise ParameterError("porosity", run.porosity, allowed) from None
+        raise ParameterError(name, wanted, allowed) from None
     along = "zyx".index(found[1])
     shape = [run.shape[axis] if axis == along else 1 for axis in range(3)]
     # Linear from face to face; the outermost voxels' centres lie half a voxel inside.

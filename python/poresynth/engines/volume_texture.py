@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,8 +12,9 @@ import numpy.typing as npt
 
 from poresynth import _core
 from poresynth.engines.base import EnergyRecord, ProgressCallback, SynthesizedVolume
+from poresynth.engines.coordinates import Coordinates, FieldLike, material_coordinates
 from poresynth.engines.field_choice import choose_field
-from poresynth.engines.grading import Graded, follow_map
+from poresynth.engines.grading import follow_map
 from poresynth.engines.phases import Phases
 from poresynth.engines.porosity import PorosityLike
 from poresynth.engines.request import Request
@@ -28,11 +30,16 @@ from poresynth.volume import Volume, as_volume
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+    from poresynth._core import MatchMap
+
 __all__ = ["VolumeTexture"]
 
 PATIENCE = 3
 """A window is done after this many iterations in a row without a new lowest energy. The lattice
 moves at random, and the energy with it by some percent, so that one iteration says little."""
+
+CARRIED = 30
+"""Bytes a voxel of the output that structure takes which is brought there from another place."""
 
 
 class VolumeTexture:
@@ -242,6 +249,9 @@ class VolumeTexture:
         known: Volume | npt.ArrayLike | None = None,
         known_mask: npt.NDArray[np.bool_] | None = None,
         mask: npt.NDArray[np.bool_] | None = None,
+        orientation: FieldLike | None = None,
+        scale: float | FieldLike | None = None,
+        orientation_axis: Literal["z", "y", "x"] = "z",
         threads: int = 0,
         progress: ProgressCallback | None = None,
     ) -> SynthesizedVolume:
@@ -274,6 +284,15 @@ class VolumeTexture:
             The voxels that matter, shape (z, y, x); windows that miss it are not searched, and
             voxels outside hold the pore's lowest value. Memory goes with the box round it; the
             match map then covers that box.
+        orientation : Volume, array_like or callable, optional
+            Vectors (z, y, x), shape (z, y, x, 3) or coarser, or a function of the voxels' centres
+            that gives them: along them runs the exemplar's ``orientation_axis``, stretched by their
+            length. See `poresynth.engines.coordinates.material_coordinates`. Not for periodic
+            volumes, nor with known voxels.
+        scale : float, Volume, array_like or callable, optional
+            Factor by which the structure is larger than the exemplar's, in the same ways.
+        orientation_axis : {"z", "y", "x"}, default "z"
+            The exemplar's axis that follows the vectors.
         threads : int, default 0
             0 takes all cores.
         progress : callable, optional
@@ -317,55 +336,99 @@ class VolumeTexture:
             mask=mask,
             threads=threads,
         )
-        part, where = request.around_domain()
-        check_memory(self.estimate_memory(part.shape) + part.memory, f"a volume of {request.shape}")
-        exemplar_field = self._field(self.exemplar_.array, phases.phase)
-        field, [match_map], energy = _core.synthesize(
-            [self._example(exemplar_field)],
-            part.shape,
-            self._options(part.boundary),
-            seed=part.seed,
-            known=self._known_field(part),
-            known_mask=part.known_mask,
-            domain=part.domain,
-            threads=part.threads,
-            progress=progress,
+        coordinates = self._coordinates(request, orientation, scale, orientation_axis)
+        if coordinates is None:
+            part, where = request.around_domain()
+            made = part
+        else:
+            part, where = request, ()
+            inside = coordinates.domain(request.domain)
+            made = replace(request, shape=coordinates.room, domain=inside, porosity_map=None)
+        output = int(np.prod(part.shape, dtype=object)) if coordinates is not None else 0
+        check_memory(
+            self.estimate_memory(made.shape) + part.memory + CARRIED * output,
+            f"a volume of {request.shape}",
         )
-        known_mask = part.known_mask
-        if known_mask is not None:
-            surface = 127.5 if self.field_ == "distance" else None
-            field = settle(field, exemplar_field, known_mask, part.domain, cut=surface)
+        field, gray, match_map, energy = self._made(made, progress)
+        if coordinates is not None:
+            field, gray = coordinates.carry(field), coordinates.carry(gray)
         scores = field
         if self.field_ == "distance" and p.smoothing > 0:
             scores = _core.gaussian(field, p.smoothing, boundary=part.boundary)
         phase = self._cut(scores, part)
-        gray = field
-        if phases.kind == "gray" and self.field_ == "distance":
-            values = np.ascontiguousarray(channels_first(self.exemplar_.array), dtype=np.float32)
-            gray = _core.carry(
-                exemplar_field, field, values, match_map, seed=part.seed, threads=part.threads
-            )
-            if known_mask is not None and part.known is not None:
-                gray[:, known_mask] = channels_first(part.known)[:, known_mask]
-                gray = settle(gray, values, known_mask, part.domain)
         array = phase_values(phases, self.exemplar_.array, phase, gray, part)
-        graded = None
+        made_so: dict[str, Any] = {}
         if part.porosity_map is not None:
             array, graded = follow_map(array, phases, self._bright(scores), phase, part)
-        outside = outside_value(phases, self.exemplar_.array)
-        border = None
-        if known_mask is not None:
+            made_so["grading"] = graded.provenance()
+        if part.known_mask is not None:
             new = (array, phases.phase_of(array) > 0)
-            border = seam(new, (self.exemplar_.array, phases.phase > 0), known_mask, part.domain)
-        copied, block = match_map.copying()
+            own = (self.exemplar_.array, phases.phase > 0)
+            made_so["seam"] = seam(new, own, part.known_mask, part.domain)
+        if coordinates is not None:
+            made_so["coordinates"] = coordinates.provenance()
+        outside = outside_value(phases, self.exemplar_.array)
         return SynthesizedVolume(
             request.whole(array, where, outside),
             self.exemplar_.voxel_size,
             self.exemplar_.unit,
-            {"poresynth": self._provenance(request, copied, block, graded, border)},
+            {"poresynth": self._provenance(request, match_map, made_so)},
             match_map=match_map,
-            energy=tuple(EnergyRecord(*record) for record in energy),
+            energy=energy,
         )
+
+    def _coordinates(
+        self,
+        request: Request,
+        orientation: FieldLike | None,
+        scale: float | FieldLike | None,
+        axis: Literal["z", "y", "x"],
+    ) -> Coordinates | None:
+        """Return where the output lies in the material, if it is not the material itself."""
+        if orientation is None and scale is None:
+            return None
+        if request.boundary == "periodic" or request.known is not None:
+            name = "orientation" if scale is None else "scale"
+            raise ParameterError(
+                name, "given", "must not be given for a periodic volume or with known voxels"
+            )
+        return material_coordinates(
+            request.shape, self.exemplar_.voxel_size, orientation, scale, axis, request.least
+        )
+
+    def _made(
+        self, request: Request, progress: ProgressCallback | None
+    ) -> tuple[
+        npt.NDArray[np.float32], npt.NDArray[np.float32], MatchMap, tuple[EnergyRecord, ...]
+    ]:
+        """Return the field of the material, what its gray values go by, and where it comes from."""
+        phases = self._phases
+        known, known_mask = request.known, request.known_mask
+        exemplar_field = self._field(self.exemplar_.array, phases.phase)
+        field, [match_map], energy = _core.synthesize(
+            [self._example(exemplar_field)],
+            request.shape,
+            self._options(request.boundary),
+            seed=request.seed,
+            known=self._known_field(request),
+            known_mask=known_mask,
+            domain=request.domain,
+            threads=request.threads,
+            progress=progress,
+        )
+        if known_mask is not None:
+            surface = 127.5 if self.field_ == "distance" else None
+            field = settle(field, exemplar_field, known_mask, request.domain, cut=surface)
+        gray = field
+        if phases.kind == "gray" and self.field_ == "distance":
+            values = np.ascontiguousarray(channels_first(self.exemplar_.array), dtype=np.float32)
+            gray = _core.carry(
+                exemplar_field, field, values, match_map, seed=request.seed, threads=request.threads
+            )
+            if known_mask is not None and known is not None:
+                gray[:, known_mask] = channels_first(known)[:, known_mask]
+                gray = settle(gray, values, known_mask, request.domain)
+        return field, gray, match_map, tuple(EnergyRecord(*record) for record in energy)
 
     def estimate_memory(self, shape: tuple[int, int, int]) -> int:
         """Return the peak memory of `sample` in bytes.
@@ -514,13 +577,9 @@ class VolumeTexture:
         return -scores if dark and self._phases.solid == "dark" else scores
 
     def _provenance(
-        self,
-        request: Request,
-        copied: float,
-        block: float,
-        graded: Graded | None,
-        border: dict[str, float | None] | None,
+        self, request: Request, match_map: MatchMap, made_so: dict[str, Any]
     ) -> dict[str, Any]:
+        copied, block = match_map.copying()
         return {
             "version": _core.__version__,
             "engine": "volume",
@@ -528,8 +587,7 @@ class VolumeTexture:
             "field": self.field_,
             "field_reason": self.field_reason_,
             **request.provenance(),
-            **({} if graded is None else {"grading": graded.provenance()}),
-            **({} if border is None else {"seam": border}),
+            **made_so,
             "exemplar": self._phases.provenance(self.exemplar_),
             "copying": {"copy_fraction": copied, "mean_copied_block": block},
         }
