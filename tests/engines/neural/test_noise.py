@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.references.lattice_noise import site_noise
 
 from poresynth.engines.neural.noise import lattice_noise, mix_seed
-from tests.references.lattice_noise import site_noise
 
 SITES = st.integers(-(10**12), 10**12)
 
