@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from poresynth.engines.neural.parameters import TrainingParameters
 from poresynth.errors import ParameterError
 
-__all__ = ["Machine", "choose_device", "processes", "reduce_precision"]
+__all__ = ["Machine", "choose_device", "processes"]
 
 DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16, "float16": torch.float16}
 
@@ -44,11 +44,6 @@ def choose_device(name: str) -> torch.device:
         allowed = f"must be one that PyTorch has here ({str(error).splitlines()[0]})"
         raise ParameterError("device", name, allowed) from None
     return device
-
-
-def reduce_precision(device: torch.device, precision: str) -> AbstractContextManager[object]:
-    """Return the context in which products and convolutions have this precision."""
-    return torch.autocast(device.type, DTYPES[precision], enabled=precision != "float32")
 
 
 class Machine:
@@ -95,6 +90,11 @@ class Machine:
             return batch.to(memory_format=torch.channels_last_3d)
         return batch
 
+    def precision(self) -> AbstractContextManager[object]:
+        """Return the context in which products and convolutions have the wanted precision."""
+        name = self.parameters.precision
+        return torch.autocast(self.device.type, DTYPES[name], enabled=name != "float32")
+
     def update(
         self,
         optimizer: torch.optim.Optimizer,
@@ -125,7 +125,7 @@ class Machine:
             for p in held:
                 p.requires_grad_(False)
             for _ in range(self.accumulate):
-                with reduce_precision(self.device, self.parameters.precision):
+                with self.precision():
                     parts = losses()
                 total = torch.stack([value.float() for value in parts.values()]).sum()
                 self._scaler.scale(total / self.accumulate).backward()  # type: ignore[no-untyped-call]
