@@ -102,4 +102,4 @@ class MemoryEstimateError(PoresynthError, MemoryError):
 
 
 class TrainingError(PoresynthError, RuntimeError):
-    """A network cannot be trained further; the message says why, and what there is to go on from."""
+    """A network cannot be trained further; the message says why, and what is left of it."""

@@ -37,7 +37,8 @@ def turns(
             if keep_axis is not None and order["zyx".index(keep_axis)] != "zyx".index(keep_axis):
                 continue
             mirrored = tuple(axis for axis, mirror in enumerate(mirrors) if mirror < 0)
-            found.append(Turn(order, mirrored))
+            z, y, x = order
+            found.append(Turn((z, y, x), mirrored))
     return found
 
 

@@ -1,11 +1,11 @@
 """Which latents a window of the output depends on: the exact halo of transposed convolutions.
 
-A transposed convolution of kernel 4, stride 2 and padding 1 adds input i to outputs 2i − 1 … 2i + 2,
-the first one, of stride 1 and no padding, to i … i + 3. So the window [a, b) of the output needs,
-one doubling after the other, inputs ⌈(a − 2)/2⌉ to ⌊b/2⌋, and of the first layer those from 3 before
-the first on. On an endless lattice of latents every voxel is defined, and a window of it is computed
-from the latents that it needs by cutting each layer to the outputs that have all their inputs: as
-padding 3 in the first layer and 2 in the others.
+A transposed convolution of kernel 4, stride 2 and padding 1 adds input i to outputs 2i − 1 to
+2i + 2; the first one, of stride 1 and no padding, to i to i + 3. So the window [a, b) of the output
+needs, one doubling after another, inputs ⌈(a − 2)/2⌉ to ⌊b/2⌋, and of the first layer those from 3
+before the first on. On an endless lattice of latents every voxel is defined, and a window of it is
+computed from the latents that it needs by cutting each layer to the outputs that have all their
+inputs: as padding 3 in the first layer and 2 in the others.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ class LatentWindow(NamedTuple):
 
     Attributes
     ----------
-    start, count : int
+    start, extent : int
         First latent, and how many.
     offset : int
         Where the window begins in what the generator makes of them.
     """
 
     start: int
-    count: int
+    extent: int
     offset: int
 
 

@@ -1,15 +1,16 @@
 """Generator and discriminator (scaffoldgan_2021 §3.4, Fig. 2; DCGAN in three dimensions).
 
-The paper lists maps of 512, 512, 256, 128 and 64 for the generator and 64, 128, 256, 512 and 512 for
-the discriminator, which leaves neither a channel for the output nor one for the score, and says
+The paper lists maps of 512, 512, 256, 128 and 64 for the generator and 64, 128, 256, 512 and 512
+for the discriminator, which leaves neither a channel for the output nor one for the score, and says
 stride 2 of every layer, which makes 64³ of no extent of latents. Here the last layer has one map,
-the generator's first has stride 1 (1 → 4), the discriminator's last no padding (4 → 1), as in DCGAN;
-nor has the discriminator's first layer a batch norm, which would hide mean and contrast from all
-that is compared in its features.
+the generator's first has stride 1 (1 → 4), the discriminator's last no padding (4 → 1), as in
+DCGAN; nor has the discriminator's first layer a batch norm, which would hide mean and contrast from
+all that is compared in its features.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import torch
@@ -42,7 +43,7 @@ class Generator(nn.Module):
         last = len(widths) - 2
         self.layers = nn.ModuleList(
             nn.ConvTranspose3d(a, b, KERNEL, 2 if i else 1, 1 if i else 0, bias=i == last)
-            for i, (a, b) in enumerate(zip(widths, widths[1:], strict=False))
+            for i, (a, b) in enumerate(itertools.pairwise(widths))
         )
         self.norms = nn.ModuleList(nn.BatchNorm3d(width) for width in maps)
         self.latent, self.channels, self.doublings = latent, channels, len(maps)
@@ -65,7 +66,8 @@ class Generator(nn.Module):
         """
         for i, layer in enumerate(self.layers):
             stride, padding = (2, 2 if endless else 1) if i else (1, 3 if endless else 0)
-            z = conv_transpose3d(z, layer.weight, layer.bias, stride, padding)
+            weight, bias = layer.get_parameter("weight"), layer.bias
+            z = conv_transpose3d(z, weight, bias, stride, padding)  # type: ignore[arg-type]
             z = torch.relu(self.norms[i](z)) if i < len(self.norms) else torch.tanh(z)
         return z
 
@@ -97,7 +99,7 @@ class Discriminator(nn.Module):
             # Where a batch norm follows, a bias would be taken away again.
             nn.Conv3d(a, b, KERNEL, stride, padding, bias=i in (0, len(maps)))
             for i, ((a, b), (stride, padding)) in enumerate(
-                zip(zip(widths, widths[1:], strict=False), steps, strict=True)
+                zip(itertools.pairwise(widths), steps, strict=True)
             )
         )
         self.norms = nn.ModuleList(nn.BatchNorm3d(width) for width in maps[1:])
@@ -129,8 +131,9 @@ def patch_strides(layers: int, halvings: int) -> list[tuple[int, int]]:
     layers : int
         All of them, the last too.
     halvings : int
-        Layers of stride 2, the first ones; the others have stride 1. Two see patches of 34 voxels
-        with five layers 58, three 70 with five: more than the crop.
+        Layers of stride 2, the first ones; the others have stride 1. Of five layers two see patches
+        of 46 voxels; three see 70, as Isola et al. chose for images of 256, and that is more than a
+        crop of 64.
     """
     return [(2, 1)] * halvings + [(1, 1)] * (layers - halvings)
 

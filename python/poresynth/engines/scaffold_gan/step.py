@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -93,7 +92,7 @@ class ScaffoldStep:
         if p.output_bias:
             # What tanh makes the exemplar's mean of.
             mean = exemplar.mean((1, 2, 3)).clamp(-0.99, 0.99)
-            generator.layers[-1].bias.data.copy_(torch.atanh(mean))
+            generator.layers[-1].get_parameter("bias").data.copy_(torch.atanh(mean))
         self.networks: dict[str, nn.Module] = {
             "generator": generator,
             "discriminator": discriminator,
@@ -167,7 +166,7 @@ class ScaffoldStep:
             fake: Tensor = self._generate(z)
             return fake
         window = latent_window(0, p.crop, len(p.generator_maps))
-        z = machine.put(draw_latents(machine.part, p.latent, window.count, random))
+        z = machine.put(draw_latents(machine.part, p.latent, window.extent, random))
         part = slice(window.offset, window.offset + p.crop)
         endless: Tensor = self._generate(z, True)[:, :, part, part, part]
         return endless

@@ -44,6 +44,6 @@ def nearest(queries: Tensor, table: Tensor, block: int = BLOCK) -> Tensor:
         rows = max(1, block // len(table))
         parts = [
             torch.addmm(squares, part.float() - middle, table.T, alpha=-2).argmin(1)
-            for part in queries.split(rows)
+            for part in torch.split(queries, rows)
         ]
     return torch.cat(parts)

@@ -12,7 +12,7 @@ __all__ = ["random_filters", "sliced_wasserstein_loss"]
 def random_filters(count: int, channels: int, width: int, random: torch.Generator) -> Tensor:
     """Return normal random filters of norm 1, shape (count, channels, width, width, width)."""
     filters = torch.randn(count, channels, width, width, width, generator=random)
-    return filters / filters.flatten(1).norm(dim=1).reshape(-1, 1, 1, 1, 1)
+    return torch.nn.functional.normalize(filters.flatten(1)).reshape(filters.shape)
 
 
 def sliced_wasserstein_loss(

@@ -44,7 +44,7 @@ def regions(features: Tensor, shape: Shape, stride: Shape) -> Tensor:
     Tensor
         Shape (batch · regions of a map, channels · voxels of a region), batch slowest.
     """
-    batch, channels = features.shape[:2]
+    channels = features.shape[1]
     for axis, (width, step) in enumerate(zip(shape, stride, strict=True)):
         features = features.unfold(axis + 2, width, step)
     # (batch, channel, z, y, x, dz, dy, dx) → (batch, z, y, x, channel, dz, dy, dx)

@@ -21,9 +21,9 @@ def covariance(volumes: Tensor, reach: int) -> Tensor:
     Returns
     -------
     Tensor
-        Shape (2 · reach + 1, 2 · reach + 1, reach + 1): lags −reach … reach of z and y, 0 … reach of
-        x; a mean over the batch. The first two axes are in the order of an FFT. Nothing wraps: each
-        lag is a mean over the pairs that there are.
+        Shape (2 · reach + 1, 2 · reach + 1, reach + 1): lags −reach to reach of z and y, 0 to reach
+        of x; a mean over the batch. The first two axes are in the order of an FFT. Nothing wraps:
+        each lag is a mean over the pairs that there are.
     """
     with torch.autocast(volumes.device.type, enabled=False):
         volumes = volumes.float()
