@@ -16,6 +16,7 @@ __all__ = ["ENGINES", "get_engine"]
 ENGINES: dict[str, tuple[str, str]] = {
     "volume": ("poresynth.engines.volume_texture", "VolumeTexture"),
     "solid": ("poresynth.engines.solid_texture", "SolidTexture"),
+    "scaffoldgan": ("poresynth.engines.scaffold_gan", "ScaffoldGAN"),
 }
 
 

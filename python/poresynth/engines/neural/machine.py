@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from poresynth.engines.neural.parameters import TrainingParameters
 from poresynth.errors import ParameterError
 
-__all__ = ["Machine", "choose_device", "processes"]
+__all__ = ["Machine", "choose_device", "first_process", "processes"]
 
 DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16, "float16": torch.float16}
 
@@ -171,6 +171,11 @@ class Machine:
         parts = torch.split(flat, [t.numel() for t in tensors])
         for tensor, part in zip(tensors, parts, strict=True):
             tensor.detach().copy_(part.view_as(tensor))
+
+
+def first_process() -> bool:
+    """Return whether this process writes files: alone, or the first that ``torchrun`` started."""
+    return int(os.environ.get("RANK", "0")) == 0
 
 
 @contextmanager

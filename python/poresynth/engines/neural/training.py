@@ -116,16 +116,16 @@ class Step(Protocol):
 
     Attributes
     ----------
-    networks : mapping of str to torch.nn.Module
+    networks : dict of str to torch.nn.Module
         All that has a state, by name.
-    optimizers : mapping of str to torch.optim.Optimizer
+    optimizers : dict of str to torch.optim.Optimizer
         By name. The loop multiplies the learning rate of each group by that of the schedule.
     generator : str
         Name of the network that is averaged, judged and kept.
     """
 
-    networks: Mapping[str, nn.Module]
-    optimizers: Mapping[str, torch.optim.Optimizer]
+    networks: dict[str, nn.Module]
+    optimizers: dict[str, torch.optim.Optimizer]
     generator: str
 
     def prepare(self, machine: Machine) -> None:
