@@ -94,4 +94,6 @@ def structural_loss(features: Tensor, table: Tensor, shape: Shape, stride: Shape
     found = regions(features, shape, stride)
     with torch.no_grad():
         match = table[nearest(found, table)]
-    return (found.float() - match.float()).square().mean()
+    # Half-precision features are subtracted in float32.
+    exact = torch.promote_types(found.dtype, torch.float32)
+    return (found.to(exact) - match.to(exact)).square().mean()
