@@ -31,6 +31,7 @@ __all__ = [
     "InputConfig",
     "ReadConfig",
     "RunConfig",
+    "check_parameters",
     "explain",
     "load",
     "merge",
@@ -314,17 +315,22 @@ def validate(document: Mapping[str, Any]) -> RunConfig:
         If a key is missing, unknown (near ones are named), or its value is not allowed; if
         ``parameters`` names something that the engine does not have.
     """
-    from poresynth.engines import get_engine
-
     try:
         config = RunConfig.model_validate(document)
     except ValidationError as error:
         raise explain(error) from None
-    signature = inspect.signature(get_engine(config.engine)).parameters
-    for name, value in config.parameters.items():
-        if name not in signature:
-            raise _unknown(name, value, signature, f"no parameter of the engine {config.engine}")
+    check_parameters(config.engine, config.parameters)
     return config
+
+
+def check_parameters(engine: str, parameters: Mapping[str, Any]) -> None:
+    """Raise `ParameterError` if an engine does not have one of these parameters, or is unknown."""
+    from poresynth.engines import get_engine
+
+    signature = inspect.signature(get_engine(engine)).parameters
+    for name, value in parameters.items():
+        if name not in signature:
+            raise _unknown(name, value, signature, f"no parameter of the engine {engine}")
 
 
 def _nested(tables: Iterable[str], leaf: dict[str, Any]) -> dict[str, Any]:

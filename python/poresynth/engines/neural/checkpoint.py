@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from poresynth.engines.neural.files import below, read_tensors, write_tensors
 from poresynth.errors import FileError
 
-__all__ = ["CHECKPOINT", "restore_checkpoint", "save_checkpoint"]
+__all__ = ["CHECKPOINT", "checkpoint_parameters", "restore_checkpoint", "save_checkpoint"]
 
 CHECKPOINT = "checkpoint.safetensors"
 
@@ -71,9 +71,7 @@ def restore_checkpoint(
         If there is none, or it is damaged or of other networks.
     """
     path = folder / CHECKPOINT
-    if not path.exists():
-        raise FileError(f"{folder}: holds no checkpoint to resume from")
-    tensors, facts = read_tensors(path, "a checkpoint")
+    tensors, facts = _read(path)
     try:
         for name, network in networks.items():
             network.load_state_dict(below(f"network.{name}.", tensors))
@@ -88,3 +86,25 @@ def restore_checkpoint(
         said = str(error).splitlines()[0]
         raise FileError(f"{path}: a checkpoint of other networks ({said})") from error
     return facts
+
+
+def checkpoint_parameters(path: str | Path, engine: str) -> dict[str, Any]:
+    """Return the parameters of the training that a checkpoint belongs to.
+
+    Raises
+    ------
+    FileError
+        If it is missing, damaged, or another engine's.
+    """
+    facts = _read(Path(path))[1]
+    made_by = facts["identity"].get("engine")
+    if made_by != engine:
+        raise FileError(f"{path}: a checkpoint of the engine {made_by}, not {engine}")
+    parameters: dict[str, Any] = facts["parameters"]
+    return parameters
+
+
+def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    if not path.exists():
+        raise FileError(f"{path.parent}: holds no checkpoint to resume from")
+    return read_tensors(path, "a checkpoint")

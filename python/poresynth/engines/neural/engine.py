@@ -10,6 +10,7 @@ import hashlib
 import inspect
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -22,6 +23,7 @@ from poresynth import _core, io
 from poresynth.engines.base import ProgressCallback, SynthesizedVolume
 from poresynth.engines.neural.files import below, read_tensors, write_tensors
 from poresynth.engines.neural.judge import Evaluation, Judge
+from poresynth.engines.neural.log import tensorboard_missing
 from poresynth.engines.neural.machine import choose_device, first_process
 from poresynth.engines.neural.matching import LEVELS, LevelMap, to_levels
 from poresynth.engines.neural.noise import mix_seed
@@ -73,6 +75,10 @@ class NeuralEngine(ABC):
         The generator that was kept.
     training_ : dict
         How it was trained: iterations, which was kept, its figures.
+    origin_ : dict
+        What `fit` was told of the training.
+    tensorboard_missing_ : str or None
+        Why the last training wrote no files for TensorBoard, None if it did or should not.
     """
 
     engine: ClassVar[str]
@@ -84,6 +90,8 @@ class NeuralEngine(ABC):
     porosity_: float
     generator_: nn.Module
     training_: dict[str, Any]
+    origin_: dict[str, Any]
+    tensorboard_missing_: str | None
 
     # --- what a subclass says -----------------------------------------------------------------
 
@@ -128,6 +136,7 @@ class NeuralEngine(ABC):
         folder: str | Path | None = None,
         resume: bool = False,
         progress: ProgressCallback | None = None,
+        origin: Mapping[str, Any] | None = None,
     ) -> Self:
         """Train on an exemplar.
 
@@ -146,6 +155,8 @@ class NeuralEngine(ABC):
         progress : callable, optional
             ``progress(stage, fraction)`` after each iteration; an exception in it ends the training
             after a checkpoint.
+        origin : mapping, optional
+            What else a model and its volumes should say of the training, JSON-compatible.
 
         Returns
         -------
@@ -170,7 +181,8 @@ class NeuralEngine(ABC):
         self._learn(as_volume(exemplar), self._resolve())
         self._kept: dict[str, torch.Tensor] = {}
         self._folder = place
-        self.training_ = {}
+        self.training_, self.origin_ = {}, dict(origin or {})
+        self.tensorboard_missing_ = tensorboard_missing() if place is not None else None
         if resume and place is not None and (place / MODEL).exists():
             tensors, facts = read_tensors(place / MODEL, "a model")
             self._kept, self.training_ = below("generator.", tensors), facts["training"]
@@ -475,7 +487,7 @@ class NeuralEngine(ABC):
             "version": _core.__version__,
             "engine": self.engine,
             "parameters": self.parameters_.model_dump(mode="json"),
-            "training": self.training_,
+            "training": {**self.training_, **self.origin_},
             **request.provenance(),
             "cut_at": cut_at,
             "start": list(start),
@@ -522,7 +534,7 @@ class NeuralEngine(ABC):
             array = tensors["exemplar"].numpy()
             volume = Volume(array, tuple(facts["voxel_size"]), facts["unit"])
             engine._learn(volume, engine._resolve())
-            engine.training_ = facts["training"]
+            engine.training_, engine.origin_ = facts["training"], facts["origin"]
             engine._adopt(below("generator.", tensors), choose_device(device))
         except (KeyError, TypeError, RuntimeError) as error:
             said = str(error).splitlines()[0]
@@ -539,6 +551,7 @@ class NeuralEngine(ABC):
             "voxel_size": list(self.exemplar_.voxel_size),
             "unit": self.exemplar_.unit,
             "training": self.training_,
+            "origin": self.origin_,
             "version": _core.__version__,
         }
         write_tensors(path, tensors, facts)
