@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from poresynth.errors import FileError
@@ -26,6 +26,8 @@ FORMAT = 1
 def write_tensors(path: Path, tensors: Mapping[str, Tensor], facts: Mapping[str, Any]) -> None:
     """Write tensors and JSON-compatible facts; the file appears whole or not at all.
 
+    Peak memory: one copy of the tensors.
+
     Raises
     ------
     FileError
@@ -33,7 +35,8 @@ def write_tensors(path: Path, tensors: Mapping[str, Tensor], facts: Mapping[str,
     """
     plain = {name: tensor.detach().contiguous() for name, tensor in tensors.items()}
     with output(path) as (temporary,):
-        save_file(plain, temporary, {"poresynth": json.dumps({"format": FORMAT, **facts})})
+        # Written here, for the library makes files that only their owner can read.
+        temporary.write_bytes(save(plain, {"poresynth": json.dumps({"format": FORMAT, **facts})}))
 
 
 def read_tensors(path: Path, what: str) -> tuple[dict[str, Tensor], dict[str, Any]]:
