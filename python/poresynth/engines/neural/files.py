@@ -54,6 +54,7 @@ def read_tensors(path: Path, what: str) -> tuple[dict[str, Tensor], dict[str, An
         If the file is missing, damaged, or something else.
     """
     try:
+        path.open("rb").close()  # Here the system says what is wrong, there a library.
         with safe_open(path, "pt") as file:
             facts = json.loads((file.metadata() or {})["poresynth"])
             if facts["format"] != FORMAT:
