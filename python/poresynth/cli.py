@@ -213,7 +213,6 @@ def train(
         parameters={**settled, **_given(given)},
         source=source or InputConfig(),
         resume=resume,
-        command=["poresynth", *sys.argv[1:]],
     )
 
 

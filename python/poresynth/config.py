@@ -33,6 +33,7 @@ __all__ = [
     "RunConfig",
     "check_parameters",
     "explain",
+    "flags",
     "load",
     "merge",
     "parse_settings",
@@ -116,6 +117,20 @@ class InputConfig(ReadConfig):
     crop: tuple[str, str, str] | None = None
     downsample: PositiveInt = 1
 
+    def given(self) -> dict[str, Any]:
+        """Return what differs from the defaults."""
+        return self.model_dump(exclude_defaults=True)
+
+
+def flags(values: Mapping[str, Any]) -> list[str]:
+    """Return the words of the command line that say these values; None is not said."""
+    words: list[str] = []
+    for name, value in values.items():
+        if value is not None:
+            several = value if isinstance(value, tuple) else (value,)
+            words += [f"--{name.replace('_', '-')}", *map(str, several)]
+    return words
+
 
 class RunConfig(_Model):
     """All that decides the result of one synthesis.
@@ -184,11 +199,7 @@ class RunConfig(_Model):
         if self.boundary == "periodic":
             words.append("--periodic")
         paths = {"mask": self.mask, "known": self.known, "known-mask": self.known_mask}
-        flags = {"porosity": self.porosity, **paths, **self.input.model_dump(exclude_defaults=True)}
-        for name, value in flags.items():
-            if value is not None:
-                values = value if isinstance(value, tuple) else (value,)
-                words += [f"--{name.replace('_', '-')}", *map(str, values)]
+        words += flags({"porosity": self.porosity, **paths, **self.input.given()})
         if self.parameters:
             # What JSON writes is TOML, too.
             words += ["--set", *(f"{k}={json.dumps(v)}" for k, v in self.parameters.items())]

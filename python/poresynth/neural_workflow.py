@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -28,7 +29,6 @@ def train(
     parameters: Mapping[str, Any],
     source: InputConfig,
     resume: bool,
-    command: Sequence[str],
 ) -> None:
     """Train a network on an exemplar; the folder that it leaves is a model.
 
@@ -47,8 +47,6 @@ def train(
         How the exemplar is read.
     resume : bool
         Go on with the training in the folder.
-    command : sequence of str
-        The command line, for the record.
 
     Raises
     ------
@@ -68,7 +66,8 @@ def train(
     config.check_parameters(engine, parameters)
     volume = workflow.read_exemplar(exemplar, source)
     model: Any = get_engine(engine)(**parameters)
-    origin = {"exemplar": str(exemplar), "command": shlex.join(command)}
+    command = _train_command(exemplar, output, engine, parameters, source)
+    origin = {"exemplar": str(exemplar), "command": command}
     try:
         with console.progress("training") if first else nullcontext() as progress:
             model.fit(volume, folder=output, resume=resume, progress=progress, origin=origin)
@@ -78,6 +77,19 @@ def train(
         raise
     if first:
         _print_training(output, model)
+
+
+def _train_command(
+    exemplar: Path, output: Path, engine: str, parameters: Mapping[str, Any], source: InputConfig
+) -> str:
+    """Return the command line that repeats the training."""
+    words = ["poresynth", "train", str(exemplar), "-o", str(output), "--engine", engine]
+    words += config.flags(source.given())
+    if parameters:
+        # What JSON writes is TOML, too.
+        given = {name: value for name, value in parameters.items() if value is not None}
+        words += ["--set", *(f"{name}={json.dumps(value)}" for name, value in given.items())]
+    return shlex.join(words)
 
 
 def _print_training(output: Path, model: Any) -> None:
@@ -131,7 +143,7 @@ def sample(
     from poresynth.engines import load_model
 
     if blockwise and report is not None:
-        raise ParameterError("report", report, "needs the volume in memory: not with --blockwise")
+        raise ParameterError("report", report, "needs the whole volume: not with --blockwise")
     wanted: dict[str, Any] = {
         "seed": seed,
         "boundary": boundary,
