@@ -23,7 +23,7 @@ LEVELS = 1 << 16
 
 def to_levels(field: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
     """Return the level of each value of a field in [−1, 1], 0 to 65535."""
-    scaled = np.rint((field.astype(np.float64) + 1) * ((LEVELS - 1) / 2))
+    scaled = np.rint((field + np.float32(1)) * np.float32((LEVELS - 1) / 2))
     return np.asarray(np.clip(scaled, 0, LEVELS - 1), np.uint16)
 
 

@@ -106,13 +106,16 @@ class Scaling:
             index = field[0] > 0 if self.channels == 1 else field.argmax(0)
             labels: npt.NDArray[Any] = self.phases.labels[index.astype(np.intp)]
             return labels
-        half = (self.high - self.low) / 2
-        shape = (-1, 1, 1, 1)
-        gray = (field.astype(np.float64) + 1) * half.reshape(shape) + self.low.reshape(shape)
-        if self.dtype.kind in "iu":
-            limits = np.iinfo(self.dtype)
-            gray = np.clip(np.rint(gray), limits.min, limits.max)
-        array = gray.astype(self.dtype)
+        array = np.empty(field.shape, self.dtype)
+        for channel, planes in enumerate(field):
+            half, low = (self.high[channel] - self.low[channel]) / 2, self.low[channel]
+            # Plane by plane: double precision takes twice the memory of the field.
+            for z, plane in enumerate(planes):
+                gray = (plane.astype(np.float64) + 1) * half + low
+                if self.dtype.kind in "iu":
+                    limits = np.iinfo(self.dtype)
+                    gray = np.clip(np.rint(gray), limits.min, limits.max)
+                array[channel, z] = gray
         return array[0] if self.plain else np.ascontiguousarray(np.moveaxis(array, 0, -1))
 
     def solid(self, field: Field) -> npt.NDArray[np.bool_]:

@@ -246,7 +246,11 @@ class ScaffoldGAN(NeuralEngine):
         return 1 << len(self.parameters_.generator_maps)
 
     def _tile_memory(self) -> int:
-        """Return what the largest layer of a tile takes: input, output, and a convolution's own."""
+        """Return four times the largest layer, input and output, and what the library keeps.
+
+        Measured on a CPU: 26 MB of the preset tiny (here 31), 153 of small (204) and 301 of paper
+        (391).
+        """
         p = self.parameters_
         edge = tile_edge(p.crop)
         voxels, widths = [], [*p.generator_maps, self._scaling.channels]
@@ -254,4 +258,4 @@ class ScaffoldGAN(NeuralEngine):
             doublings = len(p.generator_maps) - layer
             voxels.append(width * ((edge >> doublings) + 2) ** 3)
         largest = max(a + b for a, b in itertools.pairwise(voxels))
-        return 4 * 3 * largest
+        return 4 * 4 * largest + (16 << 20)
