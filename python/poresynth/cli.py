@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import App, CycloptsError, Group, Parameter
 from pydantic import ValidationError
 
-from poresynth import config, console, workflow
+from poresynth import config, console, neural_workflow, workflow
 from poresynth.config import InputConfig, PruneConfig, ReadConfig, RunConfig
 from poresynth.errors import PoresynthError
 
@@ -101,7 +101,8 @@ def synthesize(
     shape
         Shape z y x of the new volume, in voxels.
     engine
-        What makes it: volume, from a volume, or solid, from images. [default: volume]
+        What makes it: volume, from a volume; solid, from images; scaffoldgan, from a volume, by a
+        network that is trained first. [default: volume]
     axes
         Which planes of the new volume look like the image: those across z, y, x; an axis left out
         is free. For several images the axis of each, in their order. [default: all, of one image]
@@ -171,6 +172,133 @@ def synthesize(
         saved.pop("exemplar_sha256", None)
     run = config.merge(saved, config.parse_settings(settings or ()), _given(given))
     workflow.synthesize(config.validate(run), output, threads, report)
+
+
+@app.command
+def train(
+    exemplar: Path,
+    /,
+    *,
+    output: Output,
+    engine: str = "scaffoldgan",
+    preset: str | None = None,
+    seed: int | None = None,
+    threshold: float | None = None,
+    solid: Solid | None = None,
+    resume: bool = False,
+    settings: Annotated[
+        list[str] | None, Parameter(name="--set", consume_multiple=True, negative=())
+    ] = None,
+    source: Input = None,
+) -> None:
+    """Train a network on an exemplar, for volumes of any size in seconds afterwards.
+
+    The folder that it leaves is a model for `poresynth sample`, also while the training goes on; in
+    it are a log, pictures of mid-slices and files for TensorBoard. Ctrl-C leaves a checkpoint.
+
+        poresynth train bone.tif -o bone-model --preset tiny
+
+        poresynth train bone.tif -o bone-model --resume --set iterations=2000
+
+        torchrun --nproc-per-node 4 -m poresynth train bone.tif -o bone-model --preset paper
+
+    Parameters
+    ----------
+    exemplar
+        The example: a volume in any format that `poresynth` reads.
+    output
+        Folder of the model.
+    engine
+        The network: scaffoldgan.
+    preset
+        Parameters that go together: tiny, minutes on a CPU; small, for one GPU; paper.
+        [default: small]
+    seed
+        Of weights, crops and noise. [default: 0]
+    threshold
+        Gray value that separates solid from pore. [default: Otsu's]
+    solid
+        Which side of the threshold is solid. [default: bright]
+    resume
+        Go on with the training in the folder, with its parameters.
+    settings
+        KEY=VALUE …: parameters of the engine.
+    source
+        How the exemplar is read.
+    """
+    given = {"preset": preset, "training_seed": seed, "threshold": threshold, "solid": solid}
+    settled = config.parse_settings(settings or ()).get("parameters", {})
+    neural_workflow.train(
+        exemplar,
+        output,
+        engine=engine,
+        parameters={**settled, **_given(given)},
+        source=source or InputConfig(),
+        resume=resume,
+    )
+
+
+@app.command
+def sample(
+    model: Path,
+    /,
+    *,
+    output: Output,
+    shape: tuple[int, int, int],
+    seed: int = 0,
+    periodic: Annotated[bool, Parameter(negative="--open")] = False,
+    porosity: float | None = None,
+    cut_at: Literal["porosity", "exemplar"] = "porosity",
+    blockwise: bool = False,
+    device: str = "auto",
+    threads: Threads = 0,
+    report: Path | None = None,
+) -> None:
+    """Make a new volume by a trained model.
+
+        poresynth sample bone-model -o new.tif --shape 200 200 200 --report out
+
+        poresynth sample bone-model -o large.zarr --shape 1024 1024 1024 --blockwise
+
+    Parameters
+    ----------
+    model
+        The folder that `poresynth train` made, or the model.safetensors in it.
+    output
+        The new volume; its suffix picks the format.
+    shape
+        Shape z y x of the new volume, in voxels.
+    seed
+        Another seed gives another volume.
+    periodic
+        The new volume tiles without a seam.
+    porosity
+        Wanted porosity, 0 to 1. [default: the exemplar's own]
+    cut_at
+        porosity: as the exemplar has it, exactly; exemplar: at the exemplar's threshold, with the
+        porosity that the network came to. Both are reported.
+    blockwise
+        Make and write it block by block, in bounded memory: .tif or .zarr, no report.
+    device
+        Where it is made, as PyTorch names it. [default: a GPU if there is one]
+    threads
+        Number of threads; 0 takes all cores. The result does not depend on it.
+    report
+        Folder for a page with figures and pictures, and its JSON.
+    """
+    neural_workflow.sample(
+        model,
+        output,
+        shape=shape,
+        seed=seed,
+        boundary="periodic" if periodic else "open",
+        porosity=porosity,
+        cut_at=cut_at,
+        blockwise=blockwise,
+        device=device,
+        threads=threads,
+        report=report,
+    )
 
 
 @app.command

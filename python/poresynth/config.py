@@ -33,7 +33,9 @@ __all__ = [
     "PruneConfig",
     "ReadConfig",
     "RunConfig",
+    "check_parameters",
     "explain",
+    "flags",
     "load",
     "merge",
     "parse_settings",
@@ -123,6 +125,20 @@ class InputConfig(ReadConfig):
 
     crop: tuple[str, str, str] | None = None
     downsample: PositiveInt = 1
+
+    def given(self) -> dict[str, Any]:
+        """Return what differs from the defaults."""
+        return self.model_dump(exclude_defaults=True)
+
+
+def flags(values: Mapping[str, Any]) -> list[str]:
+    """Return the words of the command line that say these values; None is not said."""
+    words: list[str] = []
+    for name, value in values.items():
+        if value is not None:
+            several = value if isinstance(value, tuple) else (value,)
+            words += [f"--{name.replace('_', '-')}", *map(str, several)]
+    return words
 
 
 class PruneConfig(_Model):
@@ -246,11 +262,7 @@ class RunConfig(_Model):
             "orientation": self.orientation,
             "orientation-axis": None if self.orientation is None else self.orientation_axis,
         }
-        flags = {**fields, **paths, **self.input.model_dump(exclude_defaults=True)}
-        for name, value in flags.items():
-            if value is not None:
-                values = value if isinstance(value, tuple) else (value,)
-                words += [f"--{name.replace('_', '-')}", *map(str, values)]
+        words += flags({**fields, **paths, **self.input.given()})
         if self.prune is not None:
             words.append("--prune")
         changed = {} if self.prune is None else self.prune.model_dump(exclude_defaults=True)
@@ -381,17 +393,22 @@ def validate(document: Mapping[str, Any]) -> RunConfig:
         If a key is missing, unknown (near ones are named), or its value is not allowed; if
         ``parameters`` names something that the engine does not have.
     """
-    from poresynth.engines import get_engine
-
     try:
         config = RunConfig.model_validate(document)
     except ValidationError as error:
         raise explain(error) from None
-    signature = inspect.signature(get_engine(config.engine)).parameters
-    for name, value in config.parameters.items():
-        if name not in signature:
-            raise _unknown(name, value, signature, f"no parameter of the engine {config.engine}")
+    check_parameters(config.engine, config.parameters)
     return config
+
+
+def check_parameters(engine: str, parameters: Mapping[str, Any]) -> None:
+    """Raise `ParameterError` if an engine does not have one of these parameters, or is unknown."""
+    from poresynth.engines import get_engine
+
+    signature = inspect.signature(get_engine(engine)).parameters
+    for name, value in parameters.items():
+        if name not in signature:
+            raise _unknown(name, value, signature, f"no parameter of the engine {engine}")
 
 
 def _nested(tables: Iterable[str], leaf: dict[str, Any]) -> dict[str, Any]:

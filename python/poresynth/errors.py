@@ -12,6 +12,7 @@ __all__ = [
     "MissingExtraError",
     "ParameterError",
     "PoresynthError",
+    "TrainingError",
 ]
 
 
@@ -98,3 +99,7 @@ class MissingExtraError(PoresynthError, ImportError):
 
 class MemoryEstimateError(PoresynthError, MemoryError):
     """The work would not fit into memory; the message gives the estimate and what is free."""
+
+
+class TrainingError(PoresynthError, RuntimeError):
+    """A network cannot be trained further; the message says why, and what is left of it."""

@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "IMAGE_ENGINES",
+    "TRAINED_ENGINES",
     "compare",
     "crop",
+    "judge",
     "measure",
     "prune",
     "read",
@@ -40,6 +42,9 @@ IMAGE_ENGINES = {"solid": 3}
 
 TURNING_ENGINE = "volume"
 """The engine whose structure can turn and scale from place to place."""
+
+TRAINED_ENGINES = {"scaffoldgan"}
+"""Engines whose `fit` trains a network: it takes long, and reports its progress."""
 
 # Channels of a plain array (y, x, channel): more are the voxels of a volume.
 _CHANNELS = 4
@@ -121,10 +126,19 @@ def synthesize(run: RunConfig, output: Path, threads: int, report: Path | None) 
         for reason in ("field_reason", "mode_reason"):
             if reason in origin:
                 console.result(f"synthesised: {origin[reason]}")
-        if report is None and run.engine not in IMAGE_ENGINES:
-            _print_copying(exemplars[0], volume, threads)
-        else:
-            _compare_with_exemplars(exemplars, volume, threads, report)
+        if "raw_porosity" in origin:
+            console.result(f"porosity at the exemplar's threshold: {origin['raw_porosity']:.4f}")
+        judge(exemplars, volume, threads, report)
+
+
+def judge(
+    exemplars: Sequence[Volume], volume: SynthesizedVolume, threads: int, report: Path | None
+) -> None:
+    """Say how new a volume is; beside images, or with a report, how like its exemplars too."""
+    if report is None and volume.metadata["poresynth"]["engine"] not in IMAGE_ENGINES:
+        _print_copying(exemplars[0], volume, threads)
+    else:
+        _compare_with_exemplars(exemplars, volume, threads, report)
 
 
 def _check_repetition(run: RunConfig, exemplars: Sequence[Volume]) -> tuple[str, ...]:
@@ -167,7 +181,12 @@ def _sample(run: RunConfig, exemplars: Sequence[Volume], threads: int) -> Synthe
     )
     directions = _directions(run)
     example = exemplars[0] if len(exemplars) == 1 else exemplars
-    engine = get_engine(run.engine)(**run.parameters).fit(example)
+    engine = get_engine(run.engine)(**run.parameters)
+    if run.engine in TRAINED_ENGINES:
+        with console.progress("training") as progress:
+            engine.fit(example, progress=progress)
+    else:
+        engine.fit(example)
     needed, free = engine.estimate_memory(run.shape), available_memory()
     check_memory(needed, f"shape {' '.join(map(str, run.shape))}")
     console.note(
@@ -321,7 +340,7 @@ def _print_copying(exemplar: Volume, volume: SynthesizedVolume, threads: int) ->
     from poresynth.metrics.structure import first_channel
     from poresynth.report.words import number
 
-    copying = volume.metadata["poresynth"]["copying"]
+    copying = volume.metadata["poresynth"].get("copying", {})
     rows = [(name, number(value)) for name, value in copying.items()]
     arrays = first_channel(exemplar, "exemplar"), first_channel(volume, "volume")
     for edge in EDGES:

@@ -63,8 +63,8 @@ class Synthesizer(Protocol):
     def __init__(self, **parameters: Any) -> None:
         """Store the parameters; `fit` checks them."""
 
-    def fit(self, exemplar: Volume | npt.ArrayLike) -> Self:
-        """Learn from an exemplar and return the engine itself."""
+    def fit(self, exemplar: Volume | npt.ArrayLike, **options: Any) -> Self:
+        """Learn from an exemplar and return the engine itself; engines that train take options."""
 
     def sample(
         self,

@@ -179,8 +179,9 @@ def _check_shape(shape: Shape, least: int) -> Shape:
     except (TypeError, ValueError):
         raise ParameterError("shape", shape, "must be three integers (z, y, x)") from None
     if min(z, y, x) < least:
-        allowed = f"must be at least {least} along each axis: the largest window at the coarsest"
-        raise ParameterError("shape", (z, y, x), f"{allowed} level")
+        allowed = f"must be at least {least} along each axis"
+        reason = ": the largest window at the coarsest level" if least > 1 else ""
+        raise ParameterError("shape", (z, y, x), allowed + reason)
     return (z, y, x)
 
 

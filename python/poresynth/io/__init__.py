@@ -3,6 +3,15 @@
 from __future__ import annotations
 
 from poresynth.io.atomic import check_writable, claim, output
-from poresynth.io.registry import check_output, formats, read, write
+from poresynth.io.registry import check_output, create, formats, read, write
 
-__all__ = ["check_output", "check_writable", "claim", "formats", "output", "read", "write"]
+__all__ = [
+    "check_output",
+    "check_writable",
+    "claim",
+    "create",
+    "formats",
+    "output",
+    "read",
+    "write",
+]

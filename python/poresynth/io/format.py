@@ -78,6 +78,9 @@ class Format:
         Whether bool is a type of the format. If not, it is stored as uint8, 0 and 255.
     holds_header : bool, default False
         Whether the header goes inside the file.
+    create : callable, optional
+        ``create(path, content)``: write a file of zeros like the content, whose voxels are not
+        looked at, and return an array of shape (z, y, x) whose parts can be set.
     sidecar : mapping, optional
         More fields for the sidecar, for a format that cannot be read without one.
     package, extra : str, optional
@@ -95,6 +98,7 @@ class Format:
     companions: Callable[[Path], tuple[Path, ...]] = lambda path: ()
     holds_bool: bool = False
     holds_header: bool = False
+    create: Callable[[Path, Content], Any] | None = None
     sidecar: Mapping[str, Any] = field(default_factory=dict)
     package: str | None = None
     extra: str | None = None

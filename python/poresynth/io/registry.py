@@ -5,7 +5,8 @@ from __future__ import annotations
 import inspect
 import os
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from poresynth.io.format import Content, Format
 from poresynth.io.units import spell
 from poresynth.volume import Volume, as_volume
 
-__all__ = ["check_output", "formats", "read", "write"]
+__all__ = ["check_output", "create", "formats", "read", "write"]
 
 _FORMATS = (
     tiff.TIFF,
@@ -157,28 +158,98 @@ def write(path: str | os.PathLike[str], volume: Volume | npt.ArrayLike, **option
     check_output(given, volume)
     if volume.channels == 1 and volume.array.ndim == 4:
         volume = Volume(volume.array[..., 0], volume.voxel_size, volume.unit, volume.metadata)
-    fields = header.make(volume)
-    array = volume.array
+    array = _stored(format_, volume.array)
+    with _one_line(given), _placed(path, format_, volume) as (place, fields):
+        content = Content(array, volume.voxel_size, spell(volume.unit), fields)
+        format_.write(place, content, **options)
+
+
+@contextmanager
+def create(path: str | os.PathLike[str], like: Volume) -> Iterator[BlockWriter]:
+    """Write a volume part by part, so that it never is in memory; it appears whole or not at all.
+
+    Parameters
+    ----------
+    path : path_like
+        The suffix picks the format: TIFF, which is then mapped and not compressed, or Zarr, where
+        parts of 128³ voxels that begin at multiples of 128 are written at once.
+    like : Volume
+        Shape (z, y, x), data type, scale and metadata. Its voxels are not looked at: a value that
+        NumPy broadcasts to the shape takes no memory.
+
+    Yields
+    ------
+    BlockWriter
+        ``writer[box] = part`` for boxes of slices; what is not set is 0. The file takes its name
+        at the end of the block.
+
+    Raises
+    ------
+    FileError, MissingExtraError, ParameterError
+        As `write` does, and for formats that are written in one piece.
+    """
+    given, path = path, Path(path)
+    format_ = _format_for(given, path)
+    if format_.create is None:
+        able = " and ".join(f.name for f in _FORMATS if f.create is not None)
+        raise FileError(f"{given}: only {able} can be written part by part")
+    check_output(given, like)
+    if like.array.ndim != 3:
+        raise ParameterError("volume.shape", like.array.shape, "must be (z, y, x) for parts")
+    dtype = np.dtype(np.uint8) if like.dtype == bool and not format_.holds_bool else like.dtype
+    blank = np.broadcast_to(np.zeros((), dtype.newbyteorder("=")), like.array.shape)
+    with _placed(path, format_, like) as (place, fields):
+        content = Content(blank, like.voxel_size, spell(like.unit), fields)
+        with _one_line(given):
+            array = format_.create(place, content)
+        yield BlockWriter(given, format_, array)
+
+
+class BlockWriter:
+    """What `create` gives: takes parts of a volume by their place."""
+
+    def __init__(self, given: str | os.PathLike[str], format_: Format, array: Any) -> None:
+        self._given, self._format, self._array = given, format_, array
+
+    def __setitem__(self, box: tuple[slice, ...], part: npt.NDArray[Any]) -> None:
+        """Set a part; `FileError` if there is no room for it."""
+        with _one_line(self._given):
+            self._array[box] = _stored(self._format, part)
+
+
+@contextmanager
+def _one_line(given: str | os.PathLike[str]) -> Iterator[None]:
+    """Make one line of whatever a writer raises."""
+    try:
+        yield
+    except (PoresynthError, MemoryError):
+        raise
+    except Exception as error:
+        raise FileError.because(given, error) from error
+
+
+def _stored(format_: Format, array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return voxels as the format holds them."""
     if array.dtype == bool and not format_.holds_bool:
         array = np.where(array, np.uint8(255), np.uint8(0))
-    array = array.astype(array.dtype.newbyteorder("="), copy=False)
-    content = Content(array, volume.voxel_size, spell(volume.unit), fields)
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
+@contextmanager
+def _placed(path: Path, format_: Format, volume: Volume) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Give a temporary path for a volume, and its header; write the sidecar beside it."""
+    fields = header.make(volume)
     companions, sidecar = format_.companions(path), header.sidecar_path(path)
     needs_sidecar = (
         fields["poresynth"]
         or format_.sidecar
         or (not format_.holds_header and _exceeds(format_, volume))
     )
-    try:
-        with output(*companions, path, sidecar, may_replace=format_.may_replace) as temporary:
-            if needs_sidecar:
-                text = header.encode({**fields, **format_.sidecar})
-                temporary[-1].write_text(text + "\n", encoding="utf-8")
-            format_.write(temporary[-2], content, **options)
-    except (PoresynthError, MemoryError):
-        raise
-    except Exception as error:  # Writers raise what they like; the user gets one line.
-        raise FileError.because(given, error) from error
+    with output(*companions, path, sidecar, may_replace=format_.may_replace) as temporary:
+        if needs_sidecar:
+            text = header.encode({**fields, **format_.sidecar})
+            temporary[-1].write_text(text + "\n", encoding="utf-8")
+        yield temporary[-2], fields
     if not needs_sidecar and header.read_sidecar(path):
         sidecar.unlink()  # It described the volume that was there before.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 import threading
 from collections.abc import Iterator
@@ -216,6 +217,32 @@ def _write(
 
     if compression not in ("none", "zlib"):
         raise ParameterError("compression", compression, "must be 'none' or 'zlib'")
+    array, options = _options(path, content, bigtiff)
+    tifffile.imwrite(
+        path,
+        np.ascontiguousarray(array),
+        compression=None if compression == "none" else compression,
+        **options,
+    )
+
+
+def _create(path: Path, content: Content) -> npt.NDArray[Any]:
+    """Write a file of zeros and map it."""
+    import tifffile
+
+    array, options = _options(path, content, None)
+    mapped = tifffile.memmap(path, shape=array.shape, dtype=array.dtype, **options)
+    if hasattr(os, "posix_fallocate"):
+        # A hole in a mapped file that finds no room when it is filled would kill the program.
+        with path.open("r+b") as file:
+            os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
+    return mapped.reshape(content.array.shape)
+
+
+def _options(
+    path: Path, content: Content, bigtiff: bool | None
+) -> tuple[npt.NDArray[Any], dict[str, Any]]:
+    """Return the array in the order of the file, and the options of tifffile."""
     array = content.array
     big = array.nbytes > _CLASSIC if bigtiff is None else bigtiff
     rgb = array.ndim == 4 and array.shape[3] == 3 and array.dtype == np.uint8
@@ -228,18 +255,15 @@ def _write(
     if not (ome or rgb):  # Else tifffile takes an x axis of one voxel for the samples.
         array, axes = array[..., np.newaxis], axes + "S"
     _, y, x = content.voxel_size
-    tifffile.imwrite(
-        path,
-        np.ascontiguousarray(array),
-        ome=ome,
-        imagej=not ome,
-        bigtiff=big,
-        photometric="rgb" if rgb else "minisblack",
-        compression=None if compression == "none" else compression,
-        resolution=(1 / x, 1 / y),
-        resolutionunit="NONE",
-        metadata={"axes": axes, **metadata},
-    )
+    return array, {
+        "ome": ome,
+        "imagej": not ome,
+        "bigtiff": big,
+        "photometric": "rgb" if rgb else "minisblack",
+        "resolution": (1 / x, 1 / y),
+        "resolutionunit": "NONE",
+        "metadata": {"axes": axes, **metadata},
+    }
 
 
 def _imagej_metadata(content: Content) -> dict[str, Any]:
@@ -274,4 +298,5 @@ TIFF = Format(
     write=_write,
     matches=_matches,
     holds_header=True,
+    create=_create,
 )

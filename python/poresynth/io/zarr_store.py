@@ -93,6 +93,17 @@ def _ome(group: Any) -> Content:
 
 
 def _write(path: Path, content: Content, *, version: int = 2) -> None:
+    array = content.array if content.array.ndim == 3 else np.moveaxis(content.array, 3, 0)
+    voxels = _create(path, content, version)
+    # One chunk at a time: of several at once that fail, zarr forgets all but the first.
+    starts = [range(0, n, chunk) for n, chunk in zip(array.shape, voxels.chunks, strict=True)]
+    for corner in itertools.product(*starts):
+        box = tuple(slice(c, c + n) for c, n in zip(corner, voxels.chunks, strict=True))
+        voxels[box] = array[box]
+
+
+def _create(path: Path, content: Content, version: int = 2) -> Any:
+    """Make a store without voxels; return its array, channels first."""
     import numcodecs
     import zarr
 
@@ -125,12 +136,8 @@ def _write(path: Path, content: Content, *, version: int = 2) -> None:
             dimension_separator="/",
             compressor=zstandard,
         )
-    # One chunk at a time: of several at once that fail, zarr forgets all but the first.
-    starts = [range(0, n, chunk) for n, chunk in zip(array.shape, chunks, strict=True)]
-    for corner in itertools.product(*starts):
-        box = tuple(slice(c, c + chunk) for c, chunk in zip(corner, chunks, strict=True))
-        voxels[box] = array[box]
     group.attrs.update(_attributes(content, names, version))
+    return voxels
 
 
 def _attributes(content: Content, names: list[str], version: int) -> dict[str, Any]:
@@ -167,4 +174,5 @@ ZARR = Format(
     may_replace=_matches,
     holds_bool=True,
     holds_header=True,
+    create=_create,
 )

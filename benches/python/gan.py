@@ -1,0 +1,151 @@
+"""Time and memory of ScaffoldGAN: a training step with each set of losses, and sampling.
+
+    python benches/python/gan.py [--preset tiny] [--steps 20] [--sampling tiny small] [--edges 120]
+
+A step is compared with that of the plain baseline, in turn with it in one run; peak memory is that
+of a process of its own, beyond what it has before the first step. Figures go to
+benches/results/gan.json. On a machine with a GPU that is what is measured.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import torch
+from race import resident
+from readme import machine, save
+
+from poresynth.engines.neural.machine import Machine
+from poresynth.engines.neural.tiles import assemble
+from poresynth.engines.scaffold_gan.calibration import calibrate
+from poresynth.engines.scaffold_gan.networks import Generator, initialise
+from poresynth.engines.scaffold_gan.parameters import VARIANTS, resolve
+from poresynth.engines.scaffold_gan.step import ScaffoldStep
+from poresynth.engines.scaffold_gan.tiles import GeneratorTiles
+from poresynth.exemplars import spinodal
+
+BASELINE = "adversarial"
+WARM_UP = 2
+AFTER_THE_START = 10**6
+"""An iteration when the sliced-Wasserstein loss has fallen to nothing."""
+PAPER_SECONDS = {120: 0.096}  # On a GTX 1080, scaffoldgan_2021 Table 1.
+
+
+def make(preset: str, variant: str) -> tuple[ScaffoldStep, Machine]:
+    """A step of this variant on the procedural exemplar."""
+    parameters = resolve({"preset": preset, "variant": variant})
+    gray = torch.from_numpy(spinodal((100, 100, 100), porosity=0.7).array).float()
+    step = ScaffoldStep(parameters, gray[None] / 127.5 - 1, 0.0, None, None)  # type: ignore[arg-type]
+    machine_ = Machine(parameters)
+    step.prepare(machine_)
+    return step, machine_
+
+
+def run(step: ScaffoldStep, machine_: Machine, iteration: int) -> float:
+    """Seconds of one step."""
+    random = torch.Generator().manual_seed(iteration)
+    begin = time.perf_counter()
+    losses = step.run(machine_, iteration, random)
+    torch.stack(list(losses.values())).tolist()  # Waits for a GPU.
+    return time.perf_counter() - begin
+
+
+def times(preset: str, steps: int) -> dict[str, list[float]]:
+    """Seconds of the steps of every set of losses, taken in turn."""
+    made = {v: (*make(preset, v), AFTER_THE_START) for v in VARIANTS}
+    made["extended, at the start"] = (*make(preset, "extended"), 0)
+    found: dict[str, list[float]] = {name: [] for name in made}
+    for iteration in range(WARM_UP + steps):
+        for name, (step, machine_, first) in made.items():
+            seconds = run(step, machine_, first + iteration)
+            if iteration >= WARM_UP:
+                found[name].append(seconds)
+    return found
+
+
+def peak(preset: str, variant: str) -> int:
+    """Peak memory of a step in bytes, in a process of its own."""
+    words = [sys.executable, __file__, "--preset", preset, "--memory-of", variant]
+    done = subprocess.run(words, check=True, capture_output=True, text=True)
+    return int(json.loads(done.stdout))
+
+
+def memory(preset: str, variant: str) -> int:
+    """Peak memory of two steps in this process, beyond what it began with."""
+    step, machine_ = make(preset, variant)
+    Path("/proc/self/clear_refs").write_text("5")  # Forgets the peak.
+    before = resident("VmRSS")
+    for iteration in range(2):
+        run(step, machine_, iteration)
+    if machine_.device.type == "cuda":
+        return torch.cuda.max_memory_allocated()
+    return resident("VmHWM") - before
+
+
+def sampling(preset: str, edge: int) -> dict[str, Any]:
+    """Seconds of a volume by an untrained generator: the weights do not change the time."""
+    p = resolve({"preset": preset})
+    generator = Generator(p.latent, p.generator_maps)
+    initialise(generator, torch.Generator().manual_seed(0))
+    calibrate(generator, 0)
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    tiles = GeneratorTiles(generator.to(device), 0, p.crop)
+    assemble(tiles, (0, 0, 0), (8, 8, 8))
+    begin = time.perf_counter()
+    assemble(tiles, (0, 0, 0), (edge,) * 3)
+    seconds = time.perf_counter() - begin
+    return {"preset": preset, "edge": edge, "seconds": seconds, "paper": PAPER_SECONDS.get(edge)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--preset", default="tiny")
+    parser.add_argument("--steps", type=int, default=20)
+    parser.add_argument("--sampling", nargs="*", default=["tiny", "small"])
+    parser.add_argument("--edges", nargs="*", type=int, default=[120])
+    parser.add_argument("--memory-of", help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.memory_of:
+        print(memory(asked.preset, asked.memory_of))
+        return
+    seconds = times(asked.preset, asked.steps)
+    base = statistics.median(seconds[BASELINE])
+    rows = []
+    for variant, taken in seconds.items():
+        # Of pairs that ran one after the other, so that a busy minute harms both.
+        ratios = [a / b for a, b in zip(taken, seconds[BASELINE], strict=True)]
+        rows.append(
+            {
+                "preset": asked.preset,
+                "variant": variant,
+                "seconds": statistics.median(taken),
+                "ratio": statistics.median(ratios),
+                "peak_bytes": peak(asked.preset, variant.split(",")[0]),
+            }
+        )
+    print(f"| losses ({asked.preset}) | a step | times the baseline | peak memory |")
+    print("|---|---|---|---|")
+    for row in rows:
+        cells = f"{1000 * row['seconds']:.0f} ms | {row['ratio']:.2f}"
+        print(f"| {row['variant']} | {cells} | {row['peak_bytes'] / 1e6:.0f} MB |")
+    print(f"\nBaseline {1000 * base:.0f} ms. {torch.get_num_threads()} threads, {machine()}\n")
+    samples = [sampling(p, edge) for p in asked.sampling for edge in asked.edges]
+    print("| networks | volume | seconds | million voxels a second | the paper, GTX 1080 |")
+    print("|---|---|---|---|---|")
+    for s in samples:
+        rate = math.prod([s["edge"]] * 3) / s["seconds"] / 1e6
+        paper = f"{s['paper']} s" if s["paper"] else "–"
+        print(f"| {s['preset']} | {s['edge']}³ | {s['seconds']:.2f} | {rate:.2f} | {paper} |")
+    save("gan", {"steps": rows, "sampling": samples, "threads": torch.get_num_threads()})
+
+
+if __name__ == "__main__":
+    main()

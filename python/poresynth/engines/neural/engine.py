@@ -1,0 +1,594 @@
+"""What the neural engines have in common beside their training: fit, sample, save, load.
+
+A subclass names itself in ``engine`` and says with a few methods what is its own: `_resolve`,
+`_check`, `_generator`, `_step`, `_calibrate`, `_tiles`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import nn
+
+from poresynth import _core, io
+from poresynth.engines.base import ProgressCallback, SynthesizedVolume
+from poresynth.engines.neural.files import below, read_tensors, write_tensors
+from poresynth.engines.neural.judge import Evaluation, Judge
+from poresynth.engines.neural.log import tensorboard_missing
+from poresynth.engines.neural.machine import choose_device, first_process
+from poresynth.engines.neural.matching import LEVELS, LevelMap, to_levels
+from poresynth.engines.neural.noise import mix_seed
+from poresynth.engines.neural.parameters import TrainingParameters
+from poresynth.engines.neural.scaling import Scaling
+from poresynth.engines.neural.tiles import Tiles, assemble, blocks
+from poresynth.engines.neural.training import Step, Training, train
+from poresynth.engines.phases import Phases
+from poresynth.engines.request import Request
+from poresynth.engines.values import cut, phase_values
+from poresynth.errors import FileError, ParameterError
+from poresynth.preprocess import validate_voxels
+from poresynth.resources import check_memory
+from poresynth.volume import Volume, as_volume
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+__all__ = ["BLOCK", "MODEL", "NeuralEngine", "load_engine"]
+
+MODEL = "model.safetensors"
+"""The file of the generator in the folder of a training."""
+
+BLOCK = 128
+"""Edge of the blocks that `sample_to` makes and writes, voxels: the chunk of a Zarr store."""
+
+WRITING = 1 << 26
+"""What a file that is written block by block takes, bytes: compression, mapped pages."""
+
+JUDGED = 128
+"""Longest edge of the volumes that are compared while training, voxels."""
+
+Shape = tuple[int, int, int]
+Cut = Literal["porosity", "exemplar"]
+Boundary = Literal["open", "periodic"]
+
+
+class NeuralEngine(ABC):
+    """Base of the neural engines; see `poresynth.engines.base.Synthesizer`.
+
+    Attributes
+    ----------
+    exemplar_ : Volume
+        The exemplar.
+    parameters_ : TrainingParameters
+        All parameters, with those of the preset.
+    threshold_ : float or None
+        Gray value that parts pore from solid; None for labels.
+    porosity_ : float
+        The exemplar's porosity.
+    generator_ : torch.nn.Module
+        The generator that was kept.
+    training_ : dict
+        How it was trained: iterations, which was kept, its figures.
+    origin_ : dict
+        What `fit` was told of the training.
+    tensorboard_missing_ : str or None
+        Why the last training wrote no files for TensorBoard, None if it did or should not.
+    """
+
+    engine: ClassVar[str]
+
+    parameters: dict[str, Any]
+    exemplar_: Volume
+    parameters_: TrainingParameters
+    threshold_: float | None
+    porosity_: float
+    generator_: nn.Module
+    training_: dict[str, Any]
+    origin_: dict[str, Any]
+    tensorboard_missing_: str | None
+
+    # --- what a subclass says -----------------------------------------------------------------
+
+    @abstractmethod
+    def _resolve(self) -> TrainingParameters:
+        """Return the checked parameters, with ``threshold``, ``solid`` and ``kind`` among them."""
+
+    @abstractmethod
+    def _check(self, exemplar: Volume) -> None:
+        """Raise `ParameterError` for an exemplar that cannot be learnt."""
+
+    @abstractmethod
+    def _generator(self) -> nn.Module:
+        """Return an untrained generator."""
+
+    @abstractmethod
+    def _step(self, field: torch.Tensor) -> Step:
+        """Return what is trained; its ``evaluate`` and ``keep`` are those of this class."""
+
+    @abstractmethod
+    def _calibrate(self, generator: nn.Module) -> None:
+        """Make a generator ready for sampling."""
+
+    @abstractmethod
+    def _tiles(self, generator: nn.Module, seed: int, period: Shape | None) -> Tiles:
+        """Return the endless field of a seed, with a period in voxels if there is one."""
+
+    @abstractmethod
+    def _period_unit(self) -> int:
+        """Return what the edges of a periodic volume must be multiples of."""
+
+    @abstractmethod
+    def _tile_memory(self) -> int:
+        """Return the peak memory of one tile in bytes."""
+
+    # --- training -----------------------------------------------------------------------------
+
+    def fit(
+        self,
+        exemplar: Volume | npt.ArrayLike,
+        *,
+        folder: str | Path | None = None,
+        resume: bool = False,
+        progress: ProgressCallback | None = None,
+        origin: Mapping[str, Any] | None = None,
+    ) -> Self:
+        """Train on an exemplar.
+
+        Parameters
+        ----------
+        exemplar : Volume or array_like
+            Shape (z, y, x), or (z, y, x, channel), whose first channel decides the structure. bool,
+            integer or float.
+        folder : path-like, optional
+            Where the training leaves its files: ``model.safetensors``, which `load` reads, as soon
+            as there is a generator to keep; ``checkpoint.safetensors``; ``log.jsonl``; pictures of
+            mid-slices in ``slices``; TensorBoard's files. None leaves none.
+        resume : bool, default False
+            Go on from the checkpoint in the folder: on the same device with the same bits as if it
+            had never stopped.
+        progress : callable, optional
+            ``progress(stage, fraction)`` after each iteration; an exception in it ends the training
+            after a checkpoint.
+        origin : mapping, optional
+            What else a model and its volumes should say of the training, JSON-compatible.
+
+        Returns
+        -------
+        NeuralEngine
+            The engine itself, with the generator of the best comparison.
+
+        Raises
+        ------
+        ParameterError
+            If a parameter is out of range, or the exemplar is empty, constant, not finite, too
+            small or of one phase only; if a checkpoint is of another training.
+        TrainingError
+            If a loss is not finite, or the generator makes one phase only.
+        MemoryEstimateError
+            If the device has too little memory.
+        KeyboardInterrupt
+            On Ctrl-C, after a checkpoint.
+        """
+        place = None if folder is None else Path(folder)
+        if place is None and not first_process():
+            raise ParameterError("folder", None, "is needed to train with several processes")
+        self._learn(as_volume(exemplar), self._resolve())
+        self._kept: dict[str, torch.Tensor] = {}
+        self._folder = place
+        self.training_, self.origin_ = {}, dict(origin or {})
+        self.tensorboard_missing_ = tensorboard_missing() if place is not None else None
+        if resume and place is not None and (place / MODEL).exists():
+            tensors, facts = read_tensors(place / MODEL, "a model")
+            self._kept, self.training_ = below("generator.", tensors), facts["training"]
+        field = self._scaling.field(self.exemplar_)
+        self._judge = Judge(self._phases.phase > 0)
+        done = train(
+            self._step(torch.from_numpy(field)),
+            self.parameters_,
+            folder=place,
+            resume=resume,
+            identity={"engine": self.engine, "exemplar": _digest(self.exemplar_)},
+            exemplar=_first(self.exemplar_.array),
+            progress=progress,
+        )
+        self.training_ = done.facts()
+        if place is not None and not first_process():
+            self._kept = below("generator.", read_tensors(place / MODEL, "a model")[0])
+        self._adopt(self._kept, choose_device(self.parameters_.device))
+        if place is not None and first_process():
+            self.save(place / MODEL)
+        return self
+
+    def _learn(self, volume: Volume, parameters: TrainingParameters) -> None:
+        """Take an exemplar in."""
+        validate_voxels(volume, "exemplar")
+        self.parameters_ = parameters
+        self._check(volume)
+        chosen: Any = parameters
+        self._phases = Phases.of(volume, chosen.kind, chosen.threshold, chosen.solid)
+        self._scaling = Scaling.of(volume, self._phases)
+        self.exemplar_ = volume
+        self.threshold_, self.porosity_ = self._phases.threshold, self._phases.porosity
+
+    def _adopt(self, tensors: dict[str, torch.Tensor], device: torch.device) -> None:
+        """Make the generator of these weights the one that samples."""
+        self.generator_ = self._generator()
+        self.generator_.load_state_dict(tensors)
+        self.generator_.requires_grad_(False).eval().to(device)
+
+    def _evaluate(self, generator: nn.Module) -> Evaluation:
+        """Judge a volume of the exemplar's shape, cut at the exemplar's threshold."""
+        self._calibrate(generator)
+        generator.eval()
+        shape = [min(n, JUDGED) for n in self.exemplar_.shape]
+        seed = mix_seed(self.parameters_.training_seed, 0xE7A1)
+        field = assemble(self._tiles(generator, seed, None), (0, 0, 0), shape)
+        values = self._scaling.values(field)
+        return self._judge(self._phases.phase_of(values) > 0, _first(values))
+
+    def _keep(self, generator: nn.Module, evaluation: Evaluation, training: Training) -> None:
+        """Keep a generator, on the disk too."""
+        state = generator.state_dict()
+        self._kept = {name: tensor.detach().cpu().clone() for name, tensor in state.items()}
+        self.training_ = training.facts()
+        if self._folder is not None:
+            self._write(self._folder / MODEL, self._kept)
+
+    # --- sampling -----------------------------------------------------------------------------
+
+    def sample(
+        self,
+        shape: Shape,
+        *,
+        seed: int = 0,
+        boundary: Boundary = "open",
+        porosity: float | None = None,
+        known: Volume | npt.ArrayLike | None = None,
+        known_mask: npt.NDArray[np.bool_] | None = None,
+        mask: npt.NDArray[np.bool_] | None = None,
+        threads: int = 0,
+        progress: ProgressCallback | None = None,
+        cut_at: Cut = "porosity",
+        start: Shape = (0, 0, 0),
+    ) -> SynthesizedVolume:
+        """Make a volume: a window of an endless one that the seed stands for.
+
+        Parameters
+        ----------
+        shape : (int, int, int)
+            Voxels along (z, y, x), any.
+        seed : int, default 0
+            From 0 to 2⁶⁴ − 1.
+        boundary : {"open", "periodic"}, default "open"
+            A periodic volume tiles space without a seam; its edges must be multiples of the spacing
+            of the latents, which the message says.
+        porosity : float, optional
+            Wanted pore fraction; the exemplar's by default. Reproduced to within one voxel.
+        known, known_mask
+            Not for neural engines: they cannot keep voxels.
+        mask : numpy.ndarray of bool, optional
+            The voxels that matter, shape (z, y, x); those outside hold the pore's lowest value, and
+            do not count for the porosity.
+        threads : int, default 0
+            Tiles computed at once on a CPU; 0 takes all cores. The result does not depend on it.
+        progress : callable, optional
+            ``progress(stage, fraction)``, called between tiles. An exception in it stops the work.
+        cut_at : {"porosity", "exemplar"}, default "porosity"
+            ``"porosity"`` takes the exemplar's porosity (or the wanted one), and in each phase the
+            exemplar's histogram: so the values of a voxel depend on the whole volume.
+            ``"exemplar"`` takes the generator's values as they are; cut at the exemplar's
+            threshold, their porosity is off by what training left. A window has then the bits that
+            the same window of a larger volume has. Both porosities are in the provenance.
+        start : (int, int, int), default (0, 0, 0)
+            First voxel of the window in the endless volume, any integers.
+
+        Returns
+        -------
+        SynthesizedVolume
+            Of the exemplar's dtype, with the provenance.
+
+        Raises
+        ------
+        ParameterError
+            If an argument is out of range.
+        MemoryEstimateError
+            If the volume cannot fit into memory; `sample_to` needs less.
+        KeyboardInterrupt
+            On Ctrl-C, at once.
+
+        Notes
+        -----
+        Peak memory: see `estimate_memory`.
+        """
+        self._check_fitted()
+        if known is not None or known_mask is not None:
+            raise ParameterError("known", "given", "cannot be kept by a neural engine")
+        request = Request.of(
+            shape,
+            least=1,
+            exemplar=self.exemplar_,
+            seed=seed,
+            boundary=boundary,
+            porosity=porosity,
+            known=None,
+            known_mask=None,
+            mask=mask,
+            threads=threads,
+        )
+        tiles = self._window(request, cut_at, start)
+        check_memory(self.estimate_memory(request.shape), f"a volume of {request.shape}")
+        report = None if progress is None else lambda share: progress("sampling", share)
+        field = assemble(tiles, start, request.shape, threads=threads, progress=report)
+        values = self._scaling.values(field)
+        own = self._phases.phase_of(values) == 0
+        raw = float(own.mean() if request.domain is None else own[request.domain].mean())
+        del own
+        if cut_at == "porosity":
+            phase = cut(self._phases, self._scaling.scores(field), request)
+            values = phase_values(self._phases, self.exemplar_.array, phase, field, request)
+        else:
+            request.impose(values, self._outside())
+        return SynthesizedVolume(
+            values,
+            self.exemplar_.voxel_size,
+            self.exemplar_.unit,
+            {"poresynth": {**self._provenance(request, cut_at, start), "raw_porosity": raw}},
+        )
+
+    def sample_to(
+        self,
+        path: str | Path,
+        shape: Shape,
+        *,
+        seed: int = 0,
+        boundary: Boundary = "open",
+        porosity: float | None = None,
+        threads: int = 0,
+        progress: ProgressCallback | None = None,
+        cut_at: Cut = "porosity",
+        start: Shape = (0, 0, 0),
+        origin: dict[str, Any] | None = None,
+    ) -> dict[str, float]:
+        """Make a volume and write it block by block, however large it is.
+
+        Parameters
+        ----------
+        path : path-like
+            A TIFF, which is not compressed, or a Zarr store.
+        shape, seed, boundary, threads, progress, start
+            As for `sample`.
+        porosity, cut_at
+            As for `sample`; with ``cut_at="porosity"`` the field is made twice, once to count its
+            65536 levels and once to write. The porosity is right to the share of one level, some
+            10⁻⁴. Not for several channels or more than two phases.
+        origin : dict, optional
+            What else goes into the provenance of the file, JSON-compatible.
+
+        Returns
+        -------
+        dict of float
+            ``porosity`` of what was written, and ``raw_porosity`` at the exemplar's threshold.
+
+        Raises
+        ------
+        ParameterError
+            If an argument is out of range.
+        FileError
+            If the file cannot be written; nothing partial is left.
+        KeyboardInterrupt
+            On Ctrl-C, at once.
+
+        Notes
+        -----
+        Peak memory: that of `estimate_memory` for a block of 128³ voxels, and 64 MB for writing,
+        whatever the shape. Measured for 420³ of the preset tiny: 132 MB to Zarr, 155 MB to TIFF.
+        """
+        self._check_fitted()
+        request = Request.of(
+            shape,
+            least=1,
+            exemplar=self.exemplar_,
+            seed=seed,
+            boundary=boundary,
+            porosity=porosity,
+            known=None,
+            known_mask=None,
+            mask=None,
+            threads=threads,
+        )
+        tiles = self._window(request, cut_at, start)
+        needed = self.estimate_memory((BLOCK, BLOCK, BLOCK)) + WRITING
+        check_memory(needed, f"a block of {BLOCK}³ voxels")
+        boxes = blocks(request.shape, BLOCK)
+        passes = 2 if cut_at == "porosity" else 1
+        pores = done = 0
+
+        def field(box: Any) -> npt.NDArray[np.float32]:
+            nonlocal done
+            at = [a + b for a, b in zip(start, box.start, strict=True)]
+
+            def report(share: float) -> None:
+                if progress is not None:
+                    progress("sampling", (done + share) / (passes * len(boxes)))
+
+            made = assemble(tiles, at, box.shape, threads=threads, progress=report)
+            done += 1
+            return made
+
+        def to_values(made: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
+            return self._scaling.values(made)
+
+        if cut_at == "porosity":
+            counts = np.zeros(LEVELS, np.int64)
+            for box in boxes:
+                made = field(box)
+                counts += np.bincount(to_levels(made[0]).ravel(), minlength=LEVELS)
+                pores += int(np.count_nonzero(~self._scaling.solid(made)))
+            level_map = LevelMap(self._scaling, self.exemplar_.array, counts, porosity)
+            to_values = level_map  # type: ignore[assignment]
+        blank = np.broadcast_to(np.zeros((), self.exemplar_.dtype), request.shape)
+        metadata = {"poresynth": {**self._provenance(request, cut_at, start), **(origin or {})}}
+        like = Volume(blank, self.exemplar_.voxel_size, self.exemplar_.unit, metadata)
+        with io.create(path, like) as writer:
+            for box in boxes:
+                made = field(box)
+                if cut_at == "exemplar":
+                    pores += int(np.count_nonzero(~self._scaling.solid(made)))
+                writer[box.slices] = to_values(made)
+        raw = pores / math.prod(request.shape)
+        given = level_map.porosity if cut_at == "porosity" else raw
+        return {"porosity": given, "raw_porosity": raw}
+
+    def estimate_memory(self, shape: Shape) -> int:
+        """Return the peak memory of `sample` in bytes.
+
+        Per voxel 4 bytes a channel for the field, three of the exemplar's values and 6 bytes for
+        the cut, and the tiles that are computed at once: 20 to 40 % above what was measured.
+        """
+        self._check_fitted()
+        at_once = torch.get_num_threads() if self._device.type == "cpu" else 1
+        per_voxel = 6 + (4 + 3 * self.exemplar_.dtype.itemsize) * self._scaling.channels
+        return per_voxel * math.prod(shape) + at_once * self._tile_memory()
+
+    @property
+    def _device(self) -> torch.device:
+        return next(self.generator_.parameters()).device
+
+    def _window(self, request: Request, cut_at: Cut, start: Shape) -> Tiles:
+        """Check what is asked of the field, and return it."""
+        if cut_at not in ("porosity", "exemplar"):
+            raise ParameterError("cut_at", cut_at, "must be 'porosity' or 'exemplar'")
+        if cut_at == "exemplar" and request.porosity is not None:
+            allowed = "goes with cut_at = porosity, not with the exemplar's threshold"
+            raise ParameterError("porosity", request.porosity, allowed)
+        period = None
+        if request.boundary == "periodic":
+            unit = self._period_unit()
+            if any(n % unit for n in request.shape):
+                allowed = f"must be multiples of {unit} along each axis for a periodic volume"
+                raise ParameterError("shape", request.shape, allowed)
+            period = request.shape
+        return self._tiles(self.generator_, request.seed, period)
+
+    def _outside(self) -> Any:
+        """Return the value of voxels outside a mask."""
+        if self._phases.kind != "gray":
+            return self._phases.labels[0]
+        array = self.exemplar_.array
+        ends = array.min if self._phases.solid == "bright" else array.max
+        return ends(axis=(0, 1, 2))
+
+    def _provenance(self, request: Request, cut_at: Cut, start: Shape) -> dict[str, Any]:
+        return {
+            "version": _core.__version__,
+            "engine": self.engine,
+            "parameters": self.parameters_.model_dump(mode="json"),
+            "training": {**self.training_, **self.origin_},
+            **request.provenance(),
+            "cut_at": cut_at,
+            "start": list(start),
+            "exemplar": self._phases.provenance(self.exemplar_),
+        }
+
+    # --- files --------------------------------------------------------------------------------
+
+    def save(self, path: str | Path) -> None:
+        """Write the generator, the parameters and the exemplar to a ``.safetensors`` file.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written; nothing partial is left.
+        """
+        self._check_fitted()
+        self._write(Path(path), self.generator_.state_dict())
+
+    @classmethod
+    def load(cls, path: str | Path, *, device: str = "auto") -> Self:
+        """Read an engine that `save` or a training wrote.
+
+        Parameters
+        ----------
+        path : path-like
+            The file, or the folder of a training.
+        device : str, default "auto"
+            Where it samples: "auto" takes a GPU if there is one.
+
+        Raises
+        ------
+        FileError
+            If the file is missing or not such a file.
+        """
+        file = _model_file(path)
+        tensors, facts = read_tensors(file, "a model")
+        try:
+            if facts["engine"] != cls.engine:
+                raise FileError(f"{path}: a model of the engine {facts['engine']}")
+            names = inspect.signature(cls).parameters
+            given = {n: v for n, v in facts["parameters"].items() if n in names}
+            engine = cls(**given)
+            array = tensors["exemplar"].numpy()
+            volume = Volume(array, tuple(facts["voxel_size"]), facts["unit"])
+            engine._learn(volume, engine._resolve())
+            engine.training_, engine.origin_ = facts["training"], facts["origin"]
+            engine._adopt(below("generator.", tensors), choose_device(device))
+        except (KeyError, TypeError, RuntimeError) as error:
+            said = str(error).splitlines()[0]
+            raise FileError(f"{path}: not a saved {cls.engine} engine ({said})") from error
+        return engine
+
+    def _write(self, path: Path, generator: dict[str, torch.Tensor]) -> None:
+        tensors = {f"generator.{name}": tensor for name, tensor in generator.items()}
+        # A copy: a mapped file cannot be handed over.
+        tensors["exemplar"] = torch.from_numpy(np.array(self.exemplar_.array, order="C"))
+        facts = {
+            "engine": self.engine,
+            "parameters": self.parameters_.model_dump(mode="json"),
+            "voxel_size": list(self.exemplar_.voxel_size),
+            "unit": self.exemplar_.unit,
+            "training": self.training_,
+            "origin": self.origin_,
+            "version": _core.__version__,
+        }
+        write_tensors(path, tensors, facts)
+
+    def _check_fitted(self) -> None:
+        if not hasattr(self, "generator_"):
+            raise ParameterError("engine", "not fitted", "must see an exemplar first: call fit")
+
+
+def load_engine(path: str | Path, *, device: str = "auto") -> NeuralEngine:
+    """Read a model, whichever neural engine made it; parameters as of `NeuralEngine.load`."""
+    from poresynth.engines import get_engine
+
+    _, facts = read_tensors(_model_file(path), "a model")
+    kind: Any = get_engine(facts.get("engine", ""))
+    engine: NeuralEngine = kind.load(path, device=device)
+    return engine
+
+
+def _model_file(path: str | Path) -> Path:
+    path = Path(path)
+    if path.is_dir():
+        if not (path / MODEL).exists():
+            raise FileError(f"{path}: holds no model yet")
+        return path / MODEL
+    return path
+
+
+def _first(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return the channel that decides the structure."""
+    return array if array.ndim == 3 else array[..., 0]
+
+
+def _digest(volume: Volume) -> str:
+    return hashlib.sha256(np.ascontiguousarray(volume.array).data).hexdigest()

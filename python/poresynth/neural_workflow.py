@@ -1,0 +1,190 @@
+"""What ``train`` and ``sample`` do: from an exemplar to a model, and from a model to volumes."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+from collections.abc import Mapping
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from poresynth import config, console, workflow
+from poresynth.errors import FileError, ParameterError
+
+if TYPE_CHECKING:
+    from poresynth.config import InputConfig
+
+__all__ = ["sample", "train"]
+
+CHECKPOINT, MODEL = "checkpoint.safetensors", "model.safetensors"
+
+
+def train(
+    exemplar: Path,
+    output: Path,
+    *,
+    engine: str,
+    parameters: Mapping[str, Any],
+    source: InputConfig,
+    resume: bool,
+) -> None:
+    """Train a network on an exemplar; the folder that it leaves is a model.
+
+    Parameters
+    ----------
+    exemplar : Path
+        The example.
+    output : Path
+        A folder, created.
+    engine : str
+        Name of a neural engine.
+    parameters : mapping
+        Parameters of the engine. Of a training that is resumed, those that are not given are the
+        ones that it began with.
+    source : InputConfig
+        How the exemplar is read.
+    resume : bool
+        Go on with the training in the folder.
+
+    Raises
+    ------
+    PoresynthError
+        If anything is wrong with the run; the last checkpoint is left.
+    """
+    from poresynth import io
+    from poresynth.engines import get_engine, saved_parameters
+
+    # Of the processes of torchrun one speaks and writes.
+    first = int(os.environ.get("RANK", "0")) == 0
+    io.check_writable(output, folder=True)
+    if resume:
+        parameters = {**saved_parameters(output / CHECKPOINT, engine), **parameters}
+    elif (output / CHECKPOINT).exists() and first:
+        raise FileError(f"{output}: holds a training; --resume goes on with it")
+    config.check_parameters(engine, parameters)
+    volume = workflow.read_exemplar(exemplar, source)
+    model: Any = get_engine(engine)(**parameters)
+    command = _train_command(exemplar, output, engine, parameters, source)
+    origin = {"exemplar": str(exemplar), "command": command}
+    try:
+        with console.progress("training") if first else nullcontext() as progress:
+            model.fit(volume, folder=output, resume=resume, progress=progress, origin=origin)
+    except KeyboardInterrupt:
+        if first and (output / CHECKPOINT).exists():
+            console.note(f"the training lies in {output}; --resume goes on with it")
+        raise
+    if first:
+        _print_training(output, model)
+
+
+def _train_command(
+    exemplar: Path, output: Path, engine: str, parameters: Mapping[str, Any], source: InputConfig
+) -> str:
+    """Return the command line that repeats the training."""
+    words = ["poresynth", "train", str(exemplar), "-o", str(output), "--engine", engine]
+    words += config.flags(source.given())
+    if parameters:
+        # What JSON writes is TOML, too.
+        given = {name: value for name, value in parameters.items() if value is not None}
+        words += ["--set", *(f"{name}={json.dumps(value)}" for name, value in given.items())]
+    return shlex.join(words)
+
+
+def _print_training(output: Path, model: Any) -> None:
+    from poresynth.report.words import number
+
+    done = model.training_
+    console.result(f"model: {output} ({done['iterations']} iterations; {done['ended']})")
+    rows = [(name, number(value)) for name, value in done["figures"].items()]
+    console.figures(f"The generator of iteration {done['kept']}", rows, ("figure", "value"))
+    if model.tensorboard_missing_:
+        console.note(model.tensorboard_missing_)
+
+
+def sample(
+    model: Path,
+    output: Path,
+    *,
+    shape: tuple[int, int, int],
+    seed: int,
+    boundary: Literal["open", "periodic"],
+    porosity: float | None,
+    cut_at: Literal["porosity", "exemplar"],
+    blockwise: bool,
+    device: str,
+    threads: int,
+    report: Path | None,
+) -> None:
+    """Make a volume by a trained model, write it with all that made it, and say how new it is.
+
+    Parameters
+    ----------
+    model : Path
+        The folder of a training, or its ``.safetensors`` file.
+    output : Path
+        The new volume.
+    shape, seed, boundary, porosity, cut_at, threads
+        As of `poresynth.engines.neural.engine.NeuralEngine.sample`.
+    blockwise : bool
+        Make and write it block by block, in bounded memory; then nothing is compared.
+    device : str
+        Where it is made.
+    report : Path, optional
+        Folder for a report.
+
+    Raises
+    ------
+    PoresynthError
+        If anything is wrong with the run; no output is then left.
+    """
+    from poresynth import io
+    from poresynth.engines import load_model
+
+    if blockwise and report is not None:
+        raise ParameterError("report", report, "needs the whole volume: not with --blockwise")
+    wanted: dict[str, Any] = {
+        "seed": seed,
+        "boundary": boundary,
+        "porosity": porosity,
+        "cut_at": cut_at,
+        "threads": threads,
+    }
+    origin = {
+        "configuration": {"model": str(model), "shape": list(shape), "seed": seed},
+        "command": _command(model, output, shape, seed, boundary, porosity, cut_at, blockwise),
+    }
+    with workflow.reserve(output, report=report):
+        engine = load_model(model, device=device)
+        with console.progress("sampling") as progress:
+            if blockwise:
+                found = engine.sample_to(output, shape, progress=progress, origin=origin, **wanted)
+                console.result(f"new volume: {output}")
+                for name, value in found.items():
+                    console.result(f"{name}: {value:.4f}")
+                return
+            volume = engine.sample(shape, progress=progress, **wanted)
+        volume.metadata["poresynth"].update(origin)
+        io.write(output, volume)
+        console.result(f"new volume: {output}")
+        workflow.judge([engine.exemplar_], volume, threads, report)
+
+
+def _command(
+    model: Path,
+    output: Path,
+    shape: tuple[int, int, int],
+    seed: int,
+    boundary: str,
+    porosity: float | None,
+    cut_at: str,
+    blockwise: bool,
+) -> str:
+    """Return the command line that repeats the run."""
+    words = ["poresynth", "sample", str(model), "-o", str(output), "--shape", *map(str, shape)]
+    words += ["--seed", str(seed), "--cut-at", cut_at]
+    words += ["--periodic"] if boundary == "periodic" else []
+    words += ["--porosity", str(porosity)] if porosity is not None else []
+    words += ["--blockwise"] if blockwise else []
+    return shlex.join(words)
