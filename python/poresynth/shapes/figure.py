@@ -90,4 +90,4 @@ def _turn(about_x: float, about_y: float) -> npt.NDArray[np.float32]:
     a, b = np.deg2rad([about_x, about_y])
     x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
     y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
-    return (y @ x).astype(np.float32)
+    return np.asarray(y @ x, dtype=np.float32)
