@@ -36,8 +36,11 @@ PYTHON_ARROWS = {
     "workflow": GROUND
     | {"io", "preprocess", "engines", "metrics", "comparison", "resources"}
     | {"report", "config", "console"},
+    "part_workflow": GROUND
+    | {"io", "meshes", "shapes", "fabrication", "resources", "report", "config", "console"}
+    | {"workflow"},
     "cli": {"errors", "io", "preprocess", "exemplars", "metrics", "report", "config"}
-    | {"console", "workflow"},
+    | {"console", "workflow", "part_workflow"},
     "__main__": {"cli"},
 }
 # Modules that may import torch: the neural engines.
