@@ -3,7 +3,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-EXTRAS := io,view,neural,graph,dev
+EXTRAS := io,view,neural,graph,mesh,dev
 # The package is installed in place: a change of Python code needs no new installation.
 COMPILED := pyproject.toml Cargo.toml Cargo.lock $(shell find rust -name '*.rs')
 

@@ -26,6 +26,9 @@ PYTHON_ARROWS = {
     "preprocess": GROUND | {"_core"},
     "exemplars": GROUND | {"_core"},
     "metrics": GROUND | {"_core", "preprocess"},
+    "meshes": GROUND | {"io"},
+    "shapes": GROUND | {"io", "meshes", "metrics"},
+    "fabrication": GROUND | {"_core", "io", "preprocess", "metrics", "meshes", "shapes"},
     "pruning": GROUND | {"_core", "preprocess", "metrics"},
     "engines": GROUND | {"_core", "io", "preprocess", "metrics", "pruning", "resources"},
     "comparison": GROUND | {"_core", "preprocess", "metrics"},
@@ -35,8 +38,11 @@ PYTHON_ARROWS = {
     | {"io", "preprocess", "engines", "metrics", "comparison", "pruning", "resources"}
     | {"report", "config", "console"},
     "neural_workflow": {"errors", "io", "engines", "report", "config", "console", "workflow"},
+    "part_workflow": GROUND
+    | {"io", "meshes", "shapes", "fabrication", "resources", "report", "config", "console"}
+    | {"workflow"},
     "cli": {"errors", "io", "preprocess", "exemplars", "metrics", "report", "config"}
-    | {"console", "workflow", "neural_workflow"},
+    | {"console", "workflow", "neural_workflow", "part_workflow"},
     "__main__": {"cli"},
 }
 # Packages that may import torch; what else may import them.

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal
 from cyclopts import App, CycloptsError, Group, Parameter
 from pydantic import ValidationError
 
-from poresynth import config, console, neural_workflow, workflow
-from poresynth.config import InputConfig, PruneConfig, ReadConfig, RunConfig
+from poresynth import config, console, neural_workflow, part_workflow, workflow
+from poresynth.config import InputConfig, PartConfig, PruneConfig, ReadConfig, RunConfig
 from poresynth.errors import PoresynthError
 
 __all__ = ["main"]
@@ -567,6 +567,51 @@ def threshold(
         workflow.write(output, gray.with_array(binary))
         console.result(f"threshold: {cut:g}")
         console.result(f"porosity: {1 - binary.mean():.4f}")
+
+
+@app.command
+def mesh(
+    volume: Path,
+    /,
+    *,
+    output: Output,
+    part: Annotated[PartConfig | None, Parameter(name="*", group=Group("The part"))] = None,
+    report: Path | None = None,
+    json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+    threads: Threads = 0,
+    source: Reading = None,
+) -> None:
+    """Make a part of a volume, to be printed or computed with.
+
+        poresynth mesh bone.tif -o bone.stl --min-thickness 200 --report out
+
+        poresynth mesh foam.tif -o hare.3mf --mask hare.stl --mask-unit mm --shell 0.8
+
+        poresynth mesh rock.tif -o pore.stl --phase pore --flow z --output-unit m
+
+        poresynth mesh bone.tif -o bone.inp
+
+    Parameters
+    ----------
+    volume
+        The volume.
+    output
+        The part: its surface (.stl, .3mf, .ply, .obj, .vtp), or its voxels as hexahedra for Abaqus
+        and CalculiX (.inp).
+    part
+        What is made of it; lengths in the unit of the volume.
+    report
+        Folder for a page with figures and pictures, and its JSON.
+    json_file
+        File for the figures.
+    threads
+        Number of threads; 0 takes all cores. The part does not depend on it.
+    source
+        How the volume is read.
+    """
+    part_workflow.mesh(
+        volume, output, part or PartConfig(), source, report, json_file=json_file, threads=threads
+    )
 
 
 @app.command

@@ -30,6 +30,7 @@ else:
 
 __all__ = [
     "InputConfig",
+    "PartConfig",
     "PruneConfig",
     "ReadConfig",
     "RunConfig",
@@ -172,6 +173,52 @@ class PruneConfig(_Model):
         given = self.model_dump()
         given["target"] = self.target or ("exemplar" if exemplar else "zero")
         return given
+
+
+class PartConfig(_Model):
+    """All that decides what part is made of a volume; lengths in the unit of the volume.
+
+    Parameters
+    ----------
+    phase : {"solid", "pore"}, default "solid"
+        What the part is: the material, or the space between.
+    threshold : float, optional
+        Gray value that separates solid from pore. Otsu's unless given.
+    solid : {"bright", "dark"}, default "bright"
+        Which side of the threshold is solid.
+    mask : str, optional
+        What lies outside is cut off: a volume of the same shape, or a closed mesh.
+    mask_unit : str, optional
+        Unit of a mesh whose file does not say it, such as mm.
+    shell : float, optional
+        Thickness of a solid layer under the surface of the mask, or of the whole block.
+    min_thickness : float, optional
+        Struts and walls that are thinner are thickened.
+    keep : {"largest", "all"}, default "largest"
+        The largest part alone, since what nothing holds falls off, or all.
+    smooth : int, default 0
+        Iterations of Taubin's smoothing of the surface.
+    decimate : float, optional
+        Merge triangles where the surface moves by no more than this.
+    flow : {"z", "y", "x"}, optional
+        Name the faces for OpenFOAM: an ASCII STL with walls, inlet, outlet and sides, for a flow
+        along this axis.
+    output_unit : str, optional
+        Unit of lengths in the file; mm unless given.
+    """
+
+    phase: Literal["solid", "pore"] = "solid"
+    threshold: float | None = None
+    solid: Literal["bright", "dark"] = "bright"
+    mask: str | None = None
+    mask_unit: str | None = None
+    shell: PositiveFloat | None = None
+    min_thickness: PositiveFloat | None = None
+    keep: Literal["largest", "all"] = "largest"
+    smooth: Annotated[int, Field(ge=0)] = 0
+    decimate: PositiveFloat | None = None
+    flow: Literal["z", "y", "x"] | None = None
+    output_unit: str | None = None
 
 
 class RunConfig(_Model):

@@ -19,6 +19,7 @@ __all__ = [
     "across",
     "chart",
     "code",
+    "explained_table",
     "figures_table",
     "legend",
     "page",
@@ -227,6 +228,35 @@ def planes_table(figures: Mapping[str, Any], planes: Sequence[Sequence[str]]) ->
             f"{escape(figures[stem + first].description)}</td></tr>"
         )
     return _table(f'{header}<th class="says">what it says</th>', rows)
+
+
+def explained_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table whose first column names things and whose last explains them.
+
+    Parameters
+    ----------
+    header : sequence of str
+        Names of the columns.
+    rows : iterable of sequences of str
+        Their cells.
+
+    Returns
+    -------
+    str
+        HTML.
+    """
+    classes = ["", *["number"] * (len(header) - 2), "says"]
+    names = zip(classes, header, strict=True)
+    head = "".join(f'<th class="{css}">{escape(name)}</th>' for css, name in names)
+    body = []
+    for first, *others in rows:
+        cells = zip(classes[1:], others, strict=True)
+        body.append(
+            f"<tr><th><code>{escape(first)}</code></th>"
+            + "".join(f'<td class="{css}">{escape(cell)}</td>' for css, cell in cells)
+            + "</tr>"
+        )
+    return _table(head, body)
 
 
 def across(planes: Sequence[str]) -> str:
