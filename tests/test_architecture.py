@@ -36,7 +36,7 @@ PYTHON_ARROWS = {
     "config": {"errors", "engines"},
     "workflow": GROUND
     | {"io", "preprocess", "engines", "metrics", "comparison", "pruning", "resources"}
-    | {"report", "config", "console"},
+    | {"meshes", "shapes", "report", "config", "console"},
     "neural_workflow": {"errors", "io", "engines", "report", "config", "console", "workflow"},
     "part_workflow": GROUND
     | {"io", "meshes", "shapes", "fabrication", "resources", "report", "config", "console"}

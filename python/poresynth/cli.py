@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from poresynth import config, console, neural_workflow, part_workflow, workflow
 from poresynth.config import InputConfig, PartConfig, PruneConfig, ReadConfig, RunConfig
-from poresynth.errors import PoresynthError
+from poresynth.errors import ParameterError, PoresynthError
 
 __all__ = ["main"]
 
@@ -65,6 +65,10 @@ def synthesize(
     threshold: float | None = None,
     solid: Solid | None = None,
     mask: Path | None = None,
+    mask_unit: str | None = None,
+    part: Path | None = None,
+    shell: float | None = None,
+    min_thickness: float | None = None,
     known: Path | None = None,
     known_mask: Path | None = None,
     prune: Annotated[bool | None, Parameter(negative="")] = None,
@@ -88,6 +92,9 @@ def synthesize(
         poresynth synthesize rock.png -o rock.tif --engine solid --shape 128 128 128
 
         poresynth synthesize top.png side.png -o wood.tif --engine solid --axes z x --shape 96 96 96
+
+        poresynth synthesize foam.tif -o new.tif --mask body.stl --porosity z=0.6:0.8 --prune
+            --part part.stl --shell 0.5
 
         poresynth synthesize -o again.tif --config new.tif.json
 
@@ -128,7 +135,17 @@ def synthesize(
     solid
         Which side of the threshold is solid. [default: bright]
     mask
-        A volume of the wanted shape: only where it is not 0 does the result matter.
+        Where the result matters: a volume of the wanted shape, not 0 there; or a closed body, STL,
+        PLY, OBJ or 3MF, in whose box the volume then lies, and no `--shape` is needed.
+    mask_unit
+        Unit of lengths in the body's file, where it does not say.
+    part
+        File for a printable part of the new volume inside the mask, as `poresynth mesh` makes it:
+        .stl, .3mf, .ply, .obj, .vtp or .inp.
+    shell
+        Thickness of a solid layer under the surface of the mask, for `--part`.
+    min_thickness
+        Struts and walls that are thinner are thickened, for `--part`.
     known
         A volume of the wanted shape whose voxels are kept exactly where `--known-mask` says.
     known_mask
@@ -159,6 +176,8 @@ def synthesize(
         "orientation": _text(orientation),
         "orientation_axis": orientation_axis,
         "mask": _text(mask),
+        "mask_unit": mask_unit,
+        "part": _part(part, shell, min_thickness),
         "known": _text(known),
         "known_mask": _text(known_mask),
         "prune": {} if prune else None,
@@ -171,7 +190,12 @@ def synthesize(
     if exemplar:
         saved.pop("exemplar_sha256", None)
     run = config.merge(saved, config.parse_settings(settings or ()), _given(given))
-    workflow.synthesize(config.validate(run), output, threads, report)
+    run |= _given({"shape": workflow.shape_of_mask(run)})
+    made = config.validate(run)
+    workflow.synthesize(made, output, threads, report)
+    if part is not None:
+        settled = (made.part or PartConfig()).of_run(made)
+        part_workflow.mesh(output, part, settled, None, report, json_file=None, threads=threads)
 
 
 @app.command
@@ -682,6 +706,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _given(values: Mapping[str, Any]) -> dict[str, Any]:
     """Leave out what the command line did not say."""
     return {name: value for name, value in values.items() if value is not None}
+
+
+def _part(
+    part: Path | None, shell: float | None, min_thickness: float | None
+) -> dict[str, Any] | None:
+    """Return the settings of a part, if one is wanted."""
+    wanted = _given({"shell": shell, "min_thickness": min_thickness})
+    if part is None and wanted:
+        name, value = next(iter(wanted.items()))
+        raise ParameterError(name, value, "needs --part, the file of the part it is for")
+    return wanted or None
 
 
 def _number(text: str | None) -> float | str | None:

@@ -220,6 +220,15 @@ class PartConfig(_Model):
     flow: Literal["z", "y", "x"] | None = None
     output_unit: str | None = None
 
+    def of_run(self, run: RunConfig) -> PartConfig:
+        """Return what a volume of this run needs: the run's own mask and threshold."""
+        own = {"mask": run.mask, "mask_unit": run.mask_unit}
+        named = {name: run.parameters.get(name) for name in ("threshold", "solid")}
+        inherited = {k: v for k, v in {**own, **named}.items() if v is not None}
+        return self.model_copy(
+            update={k: v for k, v in inherited.items() if k not in self.model_fields_set}
+        )
+
 
 class RunConfig(_Model):
     """All that decides the result of one synthesis.
@@ -251,9 +260,14 @@ class RunConfig(_Model):
     orientation_axis : {"z", "y", "x"}, default "z"
         The exemplar's axis that follows the vectors.
     mask, known, known_mask : str, optional
-        Paths of the domain that matters, of the known voxels and of where they are known.
+        Paths of the domain that matters (a volume, or a closed mesh), of the known voxels and of
+        where they are known.
+    mask_unit : str, optional
+        Unit of a mesh whose file does not say it, such as mm.
     prune : PruneConfig, optional
         How the new volume is pruned; not at all unless given.
+    part : PartConfig, optional
+        How a printable part is made of the new volume, inside the same mask, if one is wanted.
     parameters : dict
         Parameters of the engine; its own defaults for what is not named.
     input : InputConfig
@@ -274,9 +288,11 @@ class RunConfig(_Model):
     orientation: str | None = None
     orientation_axis: Literal["z", "y", "x"] = "z"
     mask: str | None = None
+    mask_unit: str | None = None
     known: str | None = None
     known_mask: str | None = None
     prune: PruneConfig | None = None
+    part: PartConfig | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
     input: InputConfig = Field(default_factory=InputConfig)
     exemplar_sha256: Texts | None = None
@@ -302,7 +318,12 @@ class RunConfig(_Model):
         words += ["--seed", str(self.seed)]
         if self.boundary == "periodic":
             words.append("--periodic")
-        paths = {"mask": self.mask, "known": self.known, "known-mask": self.known_mask}
+        paths = {
+            "mask": self.mask,
+            "mask-unit": self.mask_unit,
+            "known": self.known,
+            "known-mask": self.known_mask,
+        }
         fields = {
             "porosity": self.porosity,
             "scale": self.scale,
@@ -312,8 +333,10 @@ class RunConfig(_Model):
         words += flags({**fields, **paths, **self.input.given()})
         if self.prune is not None:
             words.append("--prune")
-        changed = {} if self.prune is None else self.prune.model_dump(exclude_defaults=True)
-        settings = {**self.parameters, **{f"prune.{k}": v for k, v in changed.items()}}
+        settings = dict(self.parameters)
+        for table, values in (("prune", self.prune), ("part", self.part)):
+            changed = {} if values is None else values.model_dump(exclude_defaults=True)
+            settings |= {f"{table}.{name}": value for name, value in changed.items()}
         if settings:
             # What JSON writes is TOML, too.
             words += ["--set", *(f"{k}={json.dumps(v)}" for k, v in settings.items())]

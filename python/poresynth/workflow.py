@@ -16,8 +16,9 @@ from poresynth.errors import ParameterError
 if TYPE_CHECKING:
     from poresynth.comparison import Comparison
     from poresynth.config import InputConfig, PruneConfig, ReadConfig, RunConfig
-    from poresynth.engines.base import SynthesizedVolume
+    from poresynth.engines.base import SynthesizedVolume, Synthesizer
     from poresynth.pruning import Pruned
+    from poresynth.shapes import Domain
     from poresynth.volume import Volume
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "read_exemplar",
     "read_exemplars",
     "reserve",
+    "shape_of_mask",
     "synthesize",
     "write",
     "write_json",
@@ -109,9 +111,10 @@ def synthesize(run: RunConfig, output: Path, threads: int, report: Path | None) 
     with reserve(output, report=report):
         exemplars = read_exemplars(run)
         digests = _check_repetition(run, exemplars)
-        volume = _sample(run, exemplars, threads)
+        domain = read_mask(run, exemplars[0])
+        volume = _sample(run, exemplars, domain, threads)
         if run.prune is not None:
-            volume = _prune_new(run, exemplars, volume, threads, report)
+            volume = _prune_new(run, exemplars, volume, domain, threads, report)
         origin = volume.metadata["poresynth"]
         origin["configuration"] = run.saved(digests)
         origin["command"] = run.command(output)
@@ -171,13 +174,14 @@ def _check_repetition(run: RunConfig, exemplars: Sequence[Volume]) -> tuple[str,
     return digests
 
 
-def _sample(run: RunConfig, exemplars: Sequence[Volume], threads: int) -> SynthesizedVolume:
+def _sample(
+    run: RunConfig, exemplars: Sequence[Volume], domain: Domain | None, threads: int
+) -> SynthesizedVolume:
     from poresynth.engines import get_engine
     from poresynth.resources import available_memory, check_memory, format_bytes
 
-    known, known_mask, mask = (
-        None if path is None else read(Path(path)).array
-        for path in (run.known, run.known_mask, run.mask)
+    known, known_mask = (
+        None if path is None else read(Path(path)).array for path in (run.known, run.known_mask)
     )
     directions = _directions(run)
     example = exemplars[0] if len(exemplars) == 1 else exemplars
@@ -187,6 +191,8 @@ def _sample(run: RunConfig, exemplars: Sequence[Volume], threads: int) -> Synthe
             engine.fit(example, progress=progress)
     else:
         engine.fit(example)
+    if domain is not None:
+        _check_room(domain, exemplars[0], engine)
     needed, free = engine.estimate_memory(run.shape), available_memory()
     check_memory(needed, f"shape {' '.join(map(str, run.shape))}")
     console.note(
@@ -194,7 +200,7 @@ def _sample(run: RunConfig, exemplars: Sequence[Volume], threads: int) -> Synthe
         + ("" if free is None else f"; {format_bytes(free)} is available")
     )
     with console.progress("synthesis") as progress:
-        return engine.sample(
+        made = engine.sample(
             run.shape,
             seed=run.seed,
             boundary=run.boundary,
@@ -202,10 +208,55 @@ def _sample(run: RunConfig, exemplars: Sequence[Volume], threads: int) -> Synthe
             **directions,
             known=known,
             known_mask=None if known_mask is None else known_mask != 0,
-            mask=None if mask is None else mask != 0,
+            mask=None if domain is None else domain.mask.array,
             threads=threads,
             progress=progress,
         )
+    if domain is not None:
+        made.metadata["poresynth"]["domain"] = domain.to_dict()
+    return made
+
+
+def _check_room(domain: Domain, exemplar: Volume, engine: Synthesizer) -> None:
+    """Refuse a body that is smaller than what it is filled with."""
+    from poresynth.engines.grading import feature_size
+    from poresynth.shapes import check_room
+
+    threshold = getattr(engine, "threshold_", None)
+    if threshold is not None:
+        structure = exemplar.array if exemplar.array.ndim == 3 else exemplar.array[..., 0]
+        feature = feature_size(structure > threshold) * min(exemplar.voxel_size)
+        check_room(domain.mask, feature)
+
+
+def read_mask(run: RunConfig, exemplar: Volume) -> Domain | None:
+    """Read the domain of a run, in voxels of the exemplar, and say what was repaired."""
+    from poresynth.shapes import read_domain
+
+    if run.mask is None:
+        return None
+    domain = read_domain(
+        run.mask,
+        voxel_size=exemplar.voxel_size,
+        unit=exemplar.unit,
+        body_unit=run.mask_unit,
+    )
+    for said in domain.notes:
+        console.note(f"{run.mask}: {said}")
+    return domain
+
+
+def shape_of_mask(document: Mapping[str, Any]) -> tuple[int, int, int] | None:
+    """Return the shape that a body has in voxels of the exemplar, for a run that says none."""
+    from poresynth.config import validate
+    from poresynth.meshes import READABLE
+
+    mask = document.get("mask")
+    if document.get("shape") is not None or Path(str(mask)).suffix.lower() not in READABLE:
+        return None
+    run = validate({**document, "shape": (1, 1, 1)})
+    domain = read_mask(run, read_exemplars(run)[0])
+    return None if domain is None else domain.mask.shape
 
 
 def _directions(run: RunConfig) -> dict[str, Any]:
@@ -249,6 +300,7 @@ def _prune_new(
     run: RunConfig,
     exemplars: Sequence[Volume],
     volume: SynthesizedVolume,
+    domain: Domain | None,
     threads: int,
     report: Path | None,
 ) -> SynthesizedVolume:
@@ -259,9 +311,7 @@ def _prune_new(
     origin = volume.metadata["poresynth"]
     learned = origin["exemplar"]
     cut = learned[0] if isinstance(learned, list) else learned
-    known_mask, mask = (
-        None if path is None else read(Path(path)).array != 0 for path in (run.known_mask, run.mask)
-    )
+    known_mask = None if run.known_mask is None else read(Path(run.known_mask)).array != 0
     pruned = prune(
         volume,
         run.prune,
@@ -270,7 +320,7 @@ def _prune_new(
         solid=cut["solid"],
         boundary=run.boundary,
         free=None if known_mask is None else ~known_mask,
-        domain=mask,
+        domain=None if domain is None else domain.mask.array,
         threads=threads,
         report=report,
     )
