@@ -1,4 +1,4 @@
-"""Where measured figures go: JSON files, tables in README.md, and pictures that it shows."""
+"""Where measured figures go: JSON files, tables in README.md and docs, and their pictures."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ def load(name: str) -> Any:
     return json.loads(path.read_text())["figures"] if path.exists() else []
 
 
-def update_readme(marker: str, table: str) -> None:
-    """Put a table between the two comments of a marker in README.md."""
-    readme = ROOT / "README.md"
+def update_readme(marker: str, table: str, page: str = "README.md") -> None:
+    """Put a table between the two comments of a marker in README.md, or in another page."""
+    readme = ROOT / page
     begin, end = f"<!-- {marker}:begin -->", f"<!-- {marker}:end -->"
     text = readme.read_text(encoding="utf-8")
     before, rest = text.split(begin)

@@ -121,6 +121,23 @@ def test_a_wanted_porosity_is_met(small: ScaffoldGAN) -> None:
     assert (made.array <= small.threshold_).mean() == pytest.approx(0.3, abs=1 / 27000)
 
 
+def test_a_porosity_map_is_followed(trained: ScaffoldGAN, tmp_path: Path) -> None:
+    def ramp(z: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return 0.45 + 0.3 * z / 72 + 0 * (y + x)
+
+    made = trained.sample((72, 48, 48), porosity=ramp)
+    pore = made.array <= trained.threshold_
+    for part in np.array_split(np.arange(72), 3):
+        assert pore[part].mean() == pytest.approx(0.45 + 0.3 * (part.mean() + 0.5) / 72, abs=0.03)
+    assert made.metadata["poresynth"]["grading"]["mean_absolute_error_percent"] < 1
+    for wrong in (
+        lambda: trained.sample((8, 8, 8), porosity=ramp, cut_at="exemplar"),
+        lambda: trained.sample_to(tmp_path / "x.zarr", (8, 8, 8), porosity=ramp),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(ParameterError, match="porosity"):
+            wrong()
+
+
 def test_the_exemplars_threshold_gives_the_raw_porosity(small: ScaffoldGAN) -> None:
     made = small.sample((30, 30, 30), cut_at="exemplar")
     raw = made.metadata["poresynth"]["raw_porosity"]

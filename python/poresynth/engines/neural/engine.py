@@ -21,6 +21,7 @@ from torch import nn
 
 from poresynth import _core, io
 from poresynth.engines.base import ProgressCallback, SynthesizedVolume
+from poresynth.engines.grading import follow_map
 from poresynth.engines.neural.files import below, read_tensors, write_tensors
 from poresynth.engines.neural.judge import Evaluation, Judge
 from poresynth.engines.neural.log import tensorboard_missing
@@ -32,8 +33,9 @@ from poresynth.engines.neural.scaling import Scaling
 from poresynth.engines.neural.tiles import Tiles, assemble, blocks
 from poresynth.engines.neural.training import Step, Training, train
 from poresynth.engines.phases import Phases
+from poresynth.engines.porosity import PorosityLike
 from poresynth.engines.request import Request
-from poresynth.engines.values import cut, phase_values
+from poresynth.engines.values import cut, outside_value, phase_values
 from poresynth.errors import FileError, ParameterError
 from poresynth.preprocess import validate_voxels
 from poresynth.resources import check_memory
@@ -251,7 +253,7 @@ class NeuralEngine(ABC):
         *,
         seed: int = 0,
         boundary: Boundary = "open",
-        porosity: float | None = None,
+        porosity: PorosityLike | None = None,
         known: Volume | npt.ArrayLike | None = None,
         known_mask: npt.NDArray[np.bool_] | None = None,
         mask: npt.NDArray[np.bool_] | None = None,
@@ -271,8 +273,10 @@ class NeuralEngine(ABC):
         boundary : {"open", "periodic"}, default "open"
             A periodic volume tiles space without a seam; its edges must be multiples of the spacing
             of the latents, which the message says.
-        porosity : float, optional
-            Wanted pore fraction; the exemplar's by default. Reproduced to within one voxel.
+        porosity : float, Volume, array_like or callable, optional
+            Wanted pore fraction; the exemplar's by default. A number is reproduced to within one
+            voxel. A map or a function of position gives it from place to place: see
+            `poresynth.engines.grading.grade`.
         known, known_mask
             Not for neural engines: they cannot keep voxels.
         mask : numpy.ndarray of bool, optional
@@ -325,23 +329,29 @@ class NeuralEngine(ABC):
             threads=threads,
         )
         tiles = self._window(request, cut_at, start)
-        check_memory(self.estimate_memory(request.shape), f"a volume of {request.shape}")
+        needed = self.estimate_memory(request.shape) + request.memory
+        check_memory(needed, f"a volume of {request.shape}")
         report = None if progress is None else lambda share: progress("sampling", share)
         field = assemble(tiles, start, request.shape, threads=threads, progress=report)
         values = self._scaling.values(field)
         own = self._phases.phase_of(values) == 0
         raw = float(own.mean() if request.domain is None else own[request.domain].mean())
         del own
+        made_so: dict[str, Any] = {"raw_porosity": raw}
         if cut_at == "porosity":
-            phase = cut(self._phases, self._scaling.scores(field), request)
+            scores = self._scaling.scores(field)
+            phase = cut(self._phases, scores, request)
             values = phase_values(self._phases, self.exemplar_.array, phase, field, request)
+            if request.porosity_map is not None:
+                values, graded = follow_map(values, self._phases, scores, phase, request)
+                made_so["grading"] = graded.provenance()
         else:
             request.impose(values, self._outside())
         return SynthesizedVolume(
             values,
             self.exemplar_.voxel_size,
             self.exemplar_.unit,
-            {"poresynth": {**self._provenance(request, cut_at, start), "raw_porosity": raw}},
+            {"poresynth": {**self._provenance(request, cut_at, start), **made_so}},
         )
 
     def sample_to(
@@ -405,6 +415,9 @@ class NeuralEngine(ABC):
             mask=None,
             threads=threads,
         )
+        if request.porosity_map is not None:
+            allowed = "must be a number where a volume is written block by block"
+            raise ParameterError("porosity", "a map", allowed)
         tiles = self._window(request, cut_at, start)
         needed = self.estimate_memory((BLOCK, BLOCK, BLOCK)) + WRITING
         check_memory(needed, f"a block of {BLOCK}³ voxels")
@@ -467,9 +480,10 @@ class NeuralEngine(ABC):
         """Check what is asked of the field, and return it."""
         if cut_at not in ("porosity", "exemplar"):
             raise ParameterError("cut_at", cut_at, "must be 'porosity' or 'exemplar'")
-        if cut_at == "exemplar" and request.porosity is not None:
+        wanted = request.porosity if request.porosity_map is None else "a map"
+        if cut_at == "exemplar" and wanted is not None:
             allowed = "goes with cut_at = porosity, not with the exemplar's threshold"
-            raise ParameterError("porosity", request.porosity, allowed)
+            raise ParameterError("porosity", wanted, allowed)
         period = None
         if request.boundary == "periodic":
             unit = self._period_unit()
@@ -481,11 +495,7 @@ class NeuralEngine(ABC):
 
     def _outside(self) -> Any:
         """Return the value of voxels outside a mask."""
-        if self._phases.kind != "gray":
-            return self._phases.labels[0]
-        array = self.exemplar_.array
-        ends = array.min if self._phases.solid == "bright" else array.max
-        return ends(axis=(0, 1, 2))
+        return outside_value(self._phases, self.exemplar_.array)
 
     def _provenance(self, request: Request, cut_at: Cut, start: Shape) -> dict[str, Any]:
         return {
