@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from poresynth import config, io, metrics
+import poresynth
+from poresynth import config, io, meshes, metrics, shapes
 from poresynth.cli import main
-from poresynth.exemplars import spinodal
+from poresynth.exemplars import foam, spinodal
 from poresynth.io.registry import formats
+from poresynth.volume import Volume
 
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -68,6 +71,40 @@ def test_the_commands_for_images_run(
     monkeypatch.chdir(folder)
     run_commands(TEXT.split("### From images")[1].split("```bash")[1].split("```")[0], capsys)
     assert io.read("solid.tif").shape == io.read("directed.tif").shape == (EDGE, EDGE, EDGE)
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A foam, a bone, a volume of each, and a body that is filled."""
+    path = tmp_path_factory.mktemp("workshop")
+    material = foam((EDGE, EDGE, EDGE), cell=16, seed=1)
+    for name in ("foam.tif", "bone.tif", "new.tif"):
+        io.write(path / name, Volume(material.array, 0.6, "mm"))
+    for name in ("body.stl", "hare.stl"):
+        meshes.write(path / name, shapes.figure(40.0, resolution=60))
+    return path
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/pruning.md", "docs/shapes_and_gradation.md"])
+def test_the_commands_for_parts_run(
+    page: str, workshop: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(workshop)
+    text = (ROOT / page).read_text(encoding="utf-8")
+    text = text.split("### A part to print")[-1]
+    run_commands(text.split("```bash")[1].split("```")[0].replace("\\\n", " "), capsys)
+    if page != "docs/pruning.md":
+        assert meshes.check(meshes.read(workshop / "part.stl", unit="mm")).watertight
+
+
+def test_the_code_for_gradation_runs(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    page = (ROOT / "docs" / "shapes_and_gradation.md").read_text(encoding="utf-8")
+    code = small(page.split("```python")[1].split("```")[0]).replace("7800", str(39 * EDGE))
+    found: dict[str, Any] = {"poresynth": poresynth}
+    exec(code, found)
+    solid = found["graded"].array > found["engine"].threshold_
+    assert solid[: EDGE // 2].mean() > solid[EDGE // 2 :].mean() + 0.05
 
 
 def test_the_commands_run(
