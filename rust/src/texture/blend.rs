@@ -376,3 +376,103 @@ fn add_row(row: &mut [f32], from: &[f32], weight: f32) {
         _ => row.iter_mut().zip(from).for_each(|(v, e)| *v += weight * e),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Key;
+    use crate::texture::match_map::random_matches;
+    use crate::texture::symmetry::Symmetry;
+    use crate::volume::{Boundary, position};
+
+    /// A voxel's windows one by one, and the mean that the paper and Kopf et al. (2007) write down.
+    fn slow(parts: &[Part<'_>], mixing: Mixing, field: &Field) -> Field {
+        let shape = field.shape();
+        let mut out = field.clone();
+        for at in 0..voxels(shape) {
+            let place = position(shape, at);
+            let mut total = 0.0f64;
+            let mut sums = vec![0.0f64; field.channels()];
+            for Part { source, map, weights } in parts {
+                let [sz, sy, sx] = map.lattice.sites();
+                for site in 0..sz * sy * sx {
+                    let number = position([sz, sy, sx], site);
+                    let within: [usize; 3] = std::array::from_fn(|a| {
+                        let origin = map.lattice.origins[a][number[a]];
+                        (place[a] + shape[a] - origin) % shape[a]
+                    });
+                    if within.iter().zip(map.lattice.window).any(|(d, w)| *d >= w) {
+                        continue;
+                    }
+                    let m = map.matches[site];
+                    let from = std::array::from_fn(|a| usize::from(m.origin[a]) + within[a]);
+                    let from = source.views[usize::from(m.orientation)].index(from);
+                    let mut weight = f64::from(weights[site]);
+                    weight *= source.emphasis.map_or(1.0, |e| f64::from(e[from]));
+                    let off: f64 = (0..field.channels())
+                        .map(|c| source.field.channel(c)[from] - field.channel(c)[at])
+                        .map(|off| f64::from(off).powi(2))
+                        .sum();
+                    if let Some(width) = mixing.bandwidth {
+                        weight /= (1.0 + off / f64::from(width).powi(2)).powi(2);
+                    }
+                    total += weight;
+                    for (c, sum) in sums.iter_mut().enumerate() {
+                        *sum += weight * f64::from(source.field.channel(c)[from]);
+                    }
+                }
+            }
+            for (c, sum) in sums.iter().enumerate() {
+                let value = f64::from(field.channel(c)[at]);
+                let share = f64::from(mixing.relaxation);
+                if total > 0.0 {
+                    out.channel_mut(c)[at] = (value + share * (sum / total - value)) as f32;
+                }
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn blends_are_means_with_emphasis_and_bandwidth() {
+        let key = Key::new(5);
+        let random = |shape: Shape, channels: usize, from: u64| {
+            let values = (0..(channels * voxels(shape)) as u64).map(|i| 255.0 * key.unit(from + i));
+            Field::new(shape, channels, values.collect()).unwrap()
+        };
+        let (shape, own) = ([6, 7, 9], [5, 6, 8]);
+        let exemplar = random(own, 2, 0);
+        let emphasis: Vec<f32> = (0..voxels(own) as u64).map(|i| key.unit(9999 + i)).collect();
+        let orientations = Symmetry::Full.orientations(None);
+        let views: Vec<View> = orientations.iter().map(|o| o.view(own)).collect();
+        let window = [3, 2, 3];
+        let limits: Vec<Shape> =
+            views.iter().map(|view| std::array::from_fn(|a| view.shape[a] - window[a])).collect();
+        let lattice = Lattice::new(shape, window, [2; 3], [1, 0, 2], Boundary::Periodic);
+        let map = random_matches(lattice, &limits, Key::new(2));
+        let weights: Vec<f32> =
+            (0..map.matches.len() as u64).map(|i| 0.1 + key.unit(5555 + i)).collect();
+        let start = random(shape, 2, 77_777);
+        for emphasis in [None, Some(&emphasis[..])] {
+            for bandwidth in [None, Some(40.0)] {
+                for relaxation in [1.0, 0.3] {
+                    let mixing = Mixing { bandwidth, relaxation };
+                    let source =
+                        Source { field: &exemplar, emphasis, laplacian: None, views: &views };
+                    let part = Part { source: &source, map: &map, weights: &weights };
+                    let parts = [part, Part { source: &source, map: &map, weights: &weights }];
+                    for parts in [&parts[..1], &parts[..]] {
+                        let mut fast = start.clone();
+                        blend(parts, mixing, &mut fast, &Monitor::silent()).unwrap();
+                        let expected = slow(parts, mixing, &start);
+                        for c in 0..2 {
+                            for (a, b) in fast.channel(c).iter().zip(expected.channel(c)) {
+                                assert!((a - b).abs() < 0.01, "{mixing:?}: {a} {b}");
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -69,3 +69,56 @@ fn of_places(set: &Neighbourhoods<'_>, map: &MatchMap) -> Vec<f32> {
     let mean = (total as f32 / uses.len() as f32).max(f32::MIN_POSITIVE);
     uses.iter().map(|&n| 1.0 / (1.0 + (n as f32 / mean - 1.0).max(0.0))).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::monitor::Monitor;
+    use crate::rng::Key;
+    use crate::texture::lattice::Lattice;
+    use crate::texture::match_map::Match;
+    use crate::texture::symmetry::Symmetry;
+    use crate::volume::Boundary;
+
+    /// Half of the voxels dark, half bright.
+    fn exemplar() -> Field {
+        let data = (0..64).map(|i| if i < 32 { 0.0 } else { 255.0 }).collect();
+        Field::new([4, 4, 4], 1, data).unwrap()
+    }
+
+    #[test]
+    fn values_in_excess_weigh_less() {
+        let own = exemplar();
+        assert_eq!(of_values(&own, &own), vec![1.0; 64]);
+        let bright = Field::new([2, 2, 2], 1, vec![255.0; 8]).unwrap();
+        let factors = of_values(&own, &bright);
+        // Bright values are twice as common as they should be, dark ones less.
+        assert_eq!(factors[..32], [1.0; 32]);
+        assert_eq!(factors[32..], [0.5; 32]);
+        let constant = Field::new([1, 1, 2], 1, vec![7.0; 2]).unwrap();
+        assert_eq!(of_values(&constant, &constant), [1.0; 2]);
+    }
+
+    #[test]
+    fn voxels_that_are_used_too_often_weigh_less() {
+        let own = exemplar();
+        let one = Symmetry::None.orientations(None);
+        let (key, silent) = (Key::new(0), Monitor::silent());
+        let set = Neighbourhoods::new(&own, [2; 3], &one, (8, 1.0), key, &silent).unwrap();
+        let lattice = Lattice::new([4; 3], [2; 3], [2; 3], [0; 3], Boundary::Open);
+        let corner = Match { orientation: 0, origin: [0; 3] };
+        let mut matches = vec![corner; 8];
+        let map = MatchMap { lattice: lattice.clone(), matches: matches.clone() };
+        let factors = of_places(&set, &map);
+        // 64 uses of 64 voxels are one each; the eight of the corner have all.
+        for (i, factor) in factors.iter().enumerate() {
+            let used = position([4; 3], i).iter().all(|&n| n < 2);
+            let wanted: f32 = if used { 1.0 / 8.0 } else { 1.0 };
+            assert_eq!(factor.to_bits(), wanted.to_bits());
+        }
+        // Sites without a match do not count.
+        matches[0] = Match::NONE;
+        let fewer = of_places(&set, &MatchMap { lattice, matches });
+        assert_eq!(fewer, factors);
+    }
+}

@@ -128,3 +128,31 @@ pub fn product(origins: &[Vec<usize>; 3]) -> impl Iterator<Item = [usize; 3]> + 
         origins[1].iter().flat_map(move |&y| origins[2].iter().map(move |&x| [z, y, x]))
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn random_matches_are_windows_of_the_exemplar_and_use_all_of_it() {
+        let lattice = Lattice::new([40; 3], [4; 3], [2; 3], [0; 3], Boundary::Periodic);
+        let limits = [[3, 5, 7], [0, 2, 1]];
+        let map = random_matches(lattice.clone(), &limits, Key::new(1));
+        assert_eq!(map.matches.len(), voxels(lattice.sites()));
+        let mut seen = [[[false; 8]; 3]; 2];
+        for m in &map.matches {
+            let limit = limits[usize::from(m.orientation)];
+            for (axis, (&origin, &most)) in m.origin.iter().zip(&limit).enumerate() {
+                assert!(usize::from(origin) <= most);
+                seen[usize::from(m.orientation)][axis][usize::from(origin)] = true;
+            }
+        }
+        for (seen, limit) in seen.iter().zip(&limits) {
+            for (seen, &most) in seen.iter().zip(limit) {
+                assert!(seen[..=most].iter().all(|&s| s));
+            }
+        }
+        assert_eq!(map, random_matches(lattice.clone(), &limits, Key::new(1)));
+        assert_ne!(map, random_matches(lattice, &limits, Key::new(2)));
+    }
+}

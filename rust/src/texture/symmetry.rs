@@ -149,6 +149,32 @@ mod tests {
     }
 
     #[test]
+    fn an_image_lies_across_its_axis_in_one_way_or_in_eight() {
+        let shape = [1, 5, 7];
+        for (normal, across) in [(0, [1, 5, 7]), (1, [5, 1, 7]), (2, [5, 7, 1])] {
+            let [first] = Orientation::of_plane(normal, false)[..] else { panic!("one way") };
+            let view = first.view(shape);
+            assert_eq!(view.shape, across);
+            // Rows along the first of the other axes, columns along the second.
+            let order: Vec<usize> = (0..35)
+                .map(|i| {
+                    let mut at = [0; 3];
+                    let [a, b] = [[1, 2], [0, 2], [0, 1]][normal];
+                    (at[a], at[b]) = (i / 7, i % 7);
+                    view.index(at)
+                })
+                .collect();
+            assert!(order.into_iter().eq(0..35));
+            let all = Orientation::of_plane(normal, true);
+            assert_eq!((all.len(), all[0]), (8, first));
+            for (i, one) in all.iter().enumerate() {
+                assert_eq!(one.view(shape).shape[normal], 1);
+                assert!(!all[..i].contains(one));
+            }
+        }
+    }
+
+    #[test]
     fn every_view_visits_every_voxel_once_and_differs_from_the_others() {
         let shape = [2, 3, 4];
         let mut seen = std::collections::HashSet::new();
