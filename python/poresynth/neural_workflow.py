@@ -168,6 +168,8 @@ def sample(
         volume.metadata["poresynth"].update(origin)
         io.write(output, volume)
         console.result(f"new volume: {output}")
+        raw = volume.metadata["poresynth"]["raw_porosity"]
+        console.result(f"porosity at the exemplar's threshold: {raw:.4f}")
         workflow.judge([engine.exemplar_], volume, threads, report)
 
 

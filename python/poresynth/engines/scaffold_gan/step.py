@@ -128,17 +128,18 @@ class ScaffoldStep:
 
     def run(self, machine: Machine, iteration: int, random: torch.Generator) -> dict[str, Tensor]:
         """Train the discriminator once, then the generator once."""
-        real = machine.put(self.crops.draw(machine.part, random))
+        drawn: list[Tensor] = []
 
         def discriminate() -> dict[str, Tensor]:
-            nonlocal real
-            real = machine.put(self.crops.draw(machine.part, random))
+            drawn[:] = [machine.put(self.crops.draw(machine.part, random))]
             with torch.no_grad():
                 fake = self._fake(machine, random)
-            logits = [self._discriminate(batch)[0] for batch in (real, fake)]
+            logits = [self._discriminate(batch)[0] for batch in (drawn[0], fake)]
             return {"discriminator": discriminator_loss(*logits)}
 
         found = machine.update(self.optimizers["discriminator"], discriminate)
+        # Of a batch in parts, the last one stands for all in what follows.
+        [real] = drawn
         real_features: list[Tensor] = []
         if self.layers:
             # The look-up table is that of the discriminator as it is now.
