@@ -170,6 +170,7 @@ def test_thickening_is_reported() -> None:
         ({"phase": "pore", "min_thickness": 4}, "min_thickness"),
         ({"min_thickness": 1}, "min_thickness"),
         ({"shell": 0.1}, "shell"),
+        ({"shell": 2, "min_thickness": 3}, "must be at least the least thickness, 3 voxel"),
         ({"solid": "grey"}, "solid"),
         ({"domain": domain_of(np.ones((4, 4, 4), bool))}, r"mask.tif: has 4 × 4 × 4 voxels"),
     ],

@@ -97,12 +97,22 @@ def test_voxels_that_are_no_cubes() -> None:
 def test_growth_stays_in_the_domain() -> None:
     thin = rod(3, (0, 0, 1))
     domain = np.zeros(thin.shape, bool)
-    domain[:, :23] = True
+    domain[:, :26] = True
     field, made = thicken(field_of_voxels(thin), 8, domain=domain)
     grown = (field > 0) & ~thin
     assert grown.any()
     assert not (grown & ~domain).any()
+    assert grown[:, 25].any()
     assert made.weak_places_before == 1
+
+
+def test_a_strut_that_the_domain_cuts_lengthwise_is_not_weak() -> None:
+    solid = rod(12, (0, 0, 1))
+    domain = np.zeros(solid.shape, bool)
+    domain[:, :18] = True
+    solid &= domain
+    assert weakness(solid, 8).places > 0
+    assert weakness(solid, 8, domain=domain).places == 0
 
 
 @settings(max_examples=10)

@@ -152,6 +152,9 @@ def make_part(
         raise ParameterError("keep", keep, "must be 'largest' or 'all'")
     if min_thickness is not None and phase == "pore":
         raise ParameterError("min_thickness", min_thickness, "is for the phase solid, not the pore")
+    if shell is not None and min_thickness is not None and shell < min_thickness:
+        allowed = f"must be at least the least thickness, {min_thickness:g} {volume.unit}"
+        raise ParameterError("shell", shell, allowed)
     inside = _inside(domain, volume)
     field = _field(volume, threshold, solid)
     before = field <= 0 if phase == "pore" else field > 0
@@ -192,7 +195,7 @@ def make_part(
         phase=phase,
         voxel_size=volume.voxel_size,
         unit=volume.unit,
-        origin=_origin(volume) if domain is None else domain.origin,
+        origin=_origin(volume, domain),
         space=int(np.count_nonzero(inside)) if inside is not None else before.size,
         loose=loose,
         thickening=thickening,
@@ -246,10 +249,10 @@ def _with_shell(
     return np.maximum(field, field_of_voxels(layer | ~body))
 
 
-def _origin(volume: Volume) -> tuple[float, float, float]:
+def _origin(volume: Volume, domain: Domain | None) -> tuple[float, float, float]:
     """Return where the first voxel's corner is, by the body that the volume was made in."""
-    domain = volume.metadata.get("poresynth", {}).get("domain", {})
-    if tuple(domain.get("shape", ())) != volume.shape or domain.get("unit") != volume.unit:
-        return 0.0, 0.0, 0.0
-    z, y, x = domain["origin"]
+    made = volume.metadata.get("poresynth", {}).get("domain", {})
+    if tuple(made.get("shape", ())) != volume.shape or made.get("unit") != volume.unit:
+        return (0.0, 0.0, 0.0) if domain is None else domain.origin
+    z, y, x = made["origin"]
     return float(z), float(y), float(x)

@@ -37,6 +37,12 @@ What is no farther from a thick part, and a voxel, is an edge of it or a bump on
 SMOOTHING = 1.0
 """Standard deviation in voxels of the smoothing around the places that are thickened."""
 
+ROOM = 0.6
+"""Voxels by which a ball is larger in radius than half of the least thickness.
+
+A ball of voxels measures up to a voxel less across than it is; the tenth keeps the many voxels that
+are a whole number away from the middle off the surface."""
+
 ROUNDS = 3
 """Struts that come to touch by a thickening may leave a thin place between them."""
 
@@ -141,9 +147,8 @@ def thicken(
     The two operations of zhang_2017 §5.4, Gaussian smoothing and dilation, where the solid is weak:
     the surface is smoothed around its weak places (`weakness`), and united with balls of the least
     diameter round their middles, which smoothing thus cannot take away. All else keeps its surface.
-    The balls are half a voxel larger in radius, since a ball of voxels measures up to a voxel less
-    across than it is. Beyond the border nothing is known: a strut that a border cuts lengthwise
-    does not count as thin.
+    The balls are `ROOM` voxels larger. Beyond the border and the domain nothing is known: a strut
+    that they cut lengthwise does not count as weak.
 
     Peak memory: about 40 bytes a voxel.
     """
@@ -153,7 +158,7 @@ def thicken(
         raise ParameterError("min_thickness", minimum, allowed)
 
     def measure() -> Weakness:
-        return weakness(field > 0, minimum, voxel_size=voxel_size, threads=threads)
+        return weakness(field > 0, minimum, voxel_size=voxel_size, domain=domain, threads=threads)
 
     was = int(np.count_nonzero(field > 0))
     before = after = measure()
@@ -182,6 +187,7 @@ def weakness(
     minimum: float,
     *,
     voxel_size: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    domain: npt.NDArray[np.bool_] | None = None,
     threads: int = 0,
 ) -> Weakness:
     """Find where a solid is thinner than a least thickness.
@@ -194,12 +200,15 @@ def weakness(
         The least thickness, in the unit of the voxel size.
     voxel_size : (float, float, float), default (1.0, 1.0, 1.0)
         Edges of a voxel along (z, y, x).
+    domain : numpy.ndarray of bool, optional
+        What is known, shape (z, y, x): struts go on outside, as beyond the border.
     threads : int, default 0
         Number of threads; 0 takes all cores. The result does not depend on it.
 
     Returns
     -------
     Weakness
+        Its thickness and share of thin voxels are those of the solid alone, with air outside.
 
     Notes
     -----
@@ -218,7 +227,15 @@ def weakness(
     inside = max(int(np.count_nonzero(solid)), 1)
     percent = 100 * int(np.count_nonzero(thin)) / inside
     mean = float(np.mean(thickness, where=solid, dtype=float)) if solid.any() else float("nan")
-    middles = _middles(solid, thin, thickness, minimum, voxel_size, threads)
+    body = solid
+    if domain is not None:
+        # Just so far that no strut is thin for what lies beyond: wide balls take long.
+        away = distance_transform(~domain, voxel_size=voxel_size, cap=2 * minimum, threads=threads)
+        body = solid | (~domain & (away <= 1.5 * minimum))
+        del away
+        thickness = local_thickness(body, voxel_size=voxel_size, threads=threads)
+        thin &= thickness < minimum * (1 - 1e-5)
+    middles = _middles(body, thin, thickness, minimum, voxel_size, threads)
     del thickness
     places = 0
     if middles.any():
@@ -314,7 +331,7 @@ def _grown(
     from scipy import ndimage
 
     coarsest = max(voxel_size)
-    radius = (minimum + coarsest) / 2
+    radius = minimum / 2 + ROOM * coarsest
     away = distance_transform(
         ~middles, voxel_size=voxel_size, cap=radius + 2 * coarsest, threads=threads
     )
