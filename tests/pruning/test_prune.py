@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
+from tests.references import branches as plain
 from tests.references import cells
 
 from poresynth import Volume, _core, exemplars
@@ -348,3 +349,20 @@ def test_a_real_foam_loses_its_loose_ends() -> None:
     assert found.before.components > 5
     assert found.after.porosity == pytest.approx(found.before.porosity, abs=1e-9)
     assert found.after.end_points <= found.before.end_points
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6), fraction=st.floats(0.15, 0.7))
+def test_branches_go_as_the_plain_method_takes_them(seed: int, fraction: float) -> None:
+    rng = np.random.default_rng(seed)
+    noise = ndimage.gaussian_filter(rng.random((12, 11, 13)), 1.2)
+    phase = noise > np.quantile(noise, 1 - fraction)
+    solid = np.argwhere(phase)
+    places = solid[rng.permutation(len(solid))[:20]].astype(np.uint32)
+    radii = rng.choice([1.0, 1.5, 2.0, 3.0], len(places)).astype(np.float32)
+    branches = np.sort(rng.integers(-1, 3, len(places)))
+    branches = np.unique(branches, return_inverse=True)[1] - int(branches.min(initial=0) < 0)
+    found, lost = _core.remove_branches(phase, places, radii, branches, manner="prune")
+    expected, wanted = plain.prune(phase, places.astype(int), radii, branches)
+    np.testing.assert_array_equal(found, expected)
+    assert lost.tolist() == wanted
