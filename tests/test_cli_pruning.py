@@ -89,11 +89,23 @@ def test_a_body_keeps_its_surface(folder: Path) -> None:
     z, y, x = np.indices((40, 40, 40)) - 19.5
     ball = z**2 + y**2 + x**2 < 18**2
     io.write("ball.tif", Volume(ball.astype(np.uint8)))
+    io.write("fine.tif", exemplars.foam((48, 48, 48), cell=16, seed=1))
     small = ["--shape", 40, 40, 40, "--preset", "fast", "--mask", "ball.tif"]
-    run("synthesize", "foam.tif", "-o", "plain.tif", *small)
-    run("synthesize", "foam.tif", "-o", "new.tif", *small, "--prune")
+    run("synthesize", "fine.tif", "-o", "plain.tif", *small)
+    run("synthesize", "fine.tif", "-o", "new.tif", *small, "--prune")
     plain, new = (np.asarray(io.read(name).array) for name in ("plain.tif", "new.tif"))
     np.testing.assert_array_equal(new[~ball], plain[~ball])
     figures = json.loads(Path("new.tif.json").read_text())["poresynth"]["pruning"]
     assert figures["after"]["porosity"] == pytest.approx(figures["before"]["porosity"], abs=1e-9)
     assert figures["before"]["porosity"] == pytest.approx(figures["exemplar"]["porosity"], abs=0.01)
+
+
+def test_a_body_smaller_than_the_features_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    z, y, x = np.indices((40, 40, 40)) - 19.5
+    io.write("ball.tif", Volume((z**2 + y**2 + x**2 < 8**2).astype(np.uint8)))
+    words = ["foam.tif", "-o", "new.tif", "--shape", 40, 40, 40, "--mask", "ball.tif"]
+    assert main(["synthesize", *map(str, words)]) == 2
+    assert "must be wider than the features" in capsys.readouterr().err
+    assert not Path("new.tif").exists()

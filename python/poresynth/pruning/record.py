@@ -12,7 +12,6 @@ from poresynth.metrics import (
     component_sizes,
     end_points,
     euler_density,
-    skeletonize,
 )
 from poresynth.metrics.connectivity import FLOATING
 from poresynth.metrics.skeleton import MARGIN
@@ -97,6 +96,7 @@ class Standing:
         *,
         boundary: Literal["open", "periodic"] = "open",
         inside: npt.NDArray[np.float32] | None = None,
+        skeleton: npt.NDArray[np.bool_] | None = None,
         threads: int = 0,
     ) -> Standing:
         """Measure a solid.
@@ -110,6 +110,8 @@ class Standing:
         inside : numpy.ndarray of float32, optional
             Distance of each voxel to where no material is wanted, voxels, shape (z, y, x). End
             points nearer than the margin to it do not count, nor does the volume there.
+        skeleton : numpy.ndarray of bool, optional
+            That of the solid, where it is known, shape (z, y, x).
         threads : int, default 0
             Number of threads; 0 takes all cores.
 
@@ -125,7 +127,7 @@ class Standing:
 
         count, density = 0, 0.0
         if min(solid.shape) > 2 * MARGIN:
-            ends = end_points(solid, skeleton=skeletonize(solid, threads=threads), threads=threads)
+            ends = end_points(solid, skeleton=skeleton, threads=threads)
             count, density = ends.count, ends.per_voxel
             if inside is not None:
                 inner = np.count_nonzero(inside >= MARGIN)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from poresynth import _core
-from poresynth.metrics import component_sizes, label
+from poresynth.metrics import component_sizes, euler_density, label
 from poresynth.metrics.connectivity import FLOATING
 from poresynth.pruning.connecting import connect
 from poresynth.pruning.cut import Cut
@@ -81,7 +81,7 @@ class Work:
             return False
         count, grown = len(spurs.paths), len(spurs.paths)
         if goal is not None:
-            now = self.standing()
+            now = self.standing(network.skeleton)
             if now.end_point_density > 0:
                 excess = 1 - goal.end_point_density / now.end_point_density
                 count = round(max(excess, 0) * count)
@@ -128,32 +128,47 @@ class Work:
 
     def cut_loops(self, goal: Standing) -> None:
         """Cut as many loops as the exemplar has less, at their thinnest branches."""
-        now = self.standing()
-        missing = round((goal.euler_density - now.euler_density) * self._material())
+        density = euler_density(self.solid, boundary=self.boundary, threads=self.threads).density
+        density *= self.solid.size / self._material()
+        missing = round((goal.euler_density - density) * self._material())
         if missing <= 0:
             return
         network = Network.of(self.solid, self.voxel_size, threads=self.threads)
         graph = network.graph
-        inner = np.flatnonzero(graph.branches.type == 2).tolist()
-        paths = [graph.path(branch) for branch in inner]
-        radius = [float(network.radius[tuple(p.T)].mean()) if len(p) else np.inf for p in paths]
-        parts = self._parts(self.solid)
-        standing = Loops(graph.branches.nodes, len(graph.nodes.kind))
+        inner = [int(branch) for branch in np.flatnonzero(graph.branches.type == 2)]
+        paths = {branch: graph.path(branch) for branch in inner}
+        radius = [
+            float(network.radius[tuple(p.T)].mean()) if len(p) >= 3 else np.inf
+            for p in paths.values()
+        ]
+        loops = Loops(graph.branches.nodes, len(graph.nodes.kind))
+        chosen: list[int] = []
         for i in np.argsort(radius, kind="stable"):
-            if missing == 0:
+            if len(chosen) == missing or radius[i] == np.inf:
                 break
-            if len(paths[i]) < 3 or not standing.may_lose(inner[i]):
-                continue
-            cut, lost = network.without(
-                self.solid, [paths[i]], "cut", self.free, threads=self.threads
-            )
-            if lost[0] and self._parts(cut) == parts:
-                self.solid = cut
-                standing.lose(inner[i])
-                place = tuple(int(n) for n in paths[i][len(paths[i]) // 2])
-                length = float(graph.branches.length[inner[i]])
-                self.edits.append(Edit("loop cut", place, int(lost[0]), length))  # type: ignore[arg-type]
-                missing -= 1
+            if loops.may_lose(inner[i]):
+                loops.lose(inner[i])
+                chosen.append(inner[i])
+        parts = self._parts(self.solid)
+        # All at once; one by one where the voxels hang together less than their skeleton.
+        if not self._cut(network, {branch: paths[branch] for branch in chosen}, parts):
+            for branch in chosen:
+                self._cut(network, {branch: paths[branch]}, parts)
+
+    def _cut(self, network: Network, paths: dict[int, npt.NDArray[np.uint32]], parts: int) -> bool:
+        """Cut branches unless that makes more parts; return whether it was done."""
+        cut, lost = network.without(
+            self.solid, list(paths.values()), "cut", self.free, threads=self.threads
+        )
+        if self._parts(cut) != parts:
+            return False
+        self.solid = cut
+        for (branch, path), voxels in zip(paths.items(), lost, strict=True):
+            if voxels:
+                z, y, x = (int(i) for i in path[len(path) // 2])
+                length = float(network.graph.branches.length[branch])
+                self.edits.append(Edit("loop cut", (z, y, x), int(voxels), length))
+        return True
 
     def fill_new_pores(self, before: _Bools) -> None:
         """Fill what grown branches enclosed: it was open before."""
@@ -215,10 +230,14 @@ class Work:
     def _material(self) -> int:
         return self.solid.size if self.inside is None else int(np.count_nonzero(self.inside))
 
-    def standing(self) -> Standing:
-        """Measure the solid as it is now."""
+    def standing(self, skeleton: _Bools | None = None) -> Standing:
+        """Measure the solid as it is now; its skeleton need not be made anew where it is known."""
         return Standing.of(
-            self.solid, boundary=self.boundary, inside=self.inside, threads=self.threads
+            self.solid,
+            boundary=self.boundary,
+            inside=self.inside,
+            skeleton=skeleton,
+            threads=self.threads,
         )
 
     def _score(self) -> npt.NDArray[np.float32]:
