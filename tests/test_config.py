@@ -107,7 +107,7 @@ def test_a_configuration_is_frozen() -> None:
         ({"boundary": "closed"}, "boundary = closed"),
         ({"porosity": 0}, "porosity = 0"),
         ({"porosity": float("nan")}, "porosity = nan"),
-        ({"engine": "magic"}, "engine = magic: must be one of solid, volume"),
+        ({"engine": "magic"}, "engine = magic: must be one of ipfn, scaffoldgan, solid, volume"),
         ({"input": {"voxel_size": [1, 2, float("inf")]}}, "input.voxel_size"),
         ({"input": 3}, "input = 3"),
         ({"exemplar": None}, "exemplar = None: must be a text or a list of texts"),

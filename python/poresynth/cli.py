@@ -108,8 +108,8 @@ def synthesize(
     shape
         Shape z y x of the new volume, in voxels.
     engine
-        What makes it: volume, from a volume; solid, from images; scaffoldgan, from a volume, by a
-        network that is trained first. [default: volume]
+        What makes it: volume, from a volume; solid, from images; by a network that is trained
+        first scaffoldgan, from a volume, and ipfn, from a volume or an image. [default: volume]
     axes
         Which planes of the new volume look like the image: those across z, y, x; an axis left out
         is free. For several images the axis of each, in their order. [default: all, of one image]
@@ -229,14 +229,14 @@ def train(
     Parameters
     ----------
     exemplar
-        The example: a volume in any format that `poresynth` reads.
+        The example: a volume in any format that `poresynth` reads; for ipfn also an image.
     output
         Folder of the model.
     engine
-        The network: scaffoldgan.
+        The network: scaffoldgan, or ipfn, an implicit field of any resolution.
     preset
         Parameters that go together: tiny, minutes on a CPU; small, for one GPU; paper.
-        [default: small]
+        [default: small of scaffoldgan, tiny of ipfn]
     seed
         Of weights, crops and noise. [default: 0]
     threshold
@@ -277,12 +277,17 @@ def sample(
     device: str = "auto",
     threads: Threads = 0,
     report: Path | None = None,
+    settings: Annotated[
+        list[str] | None, Parameter(name="--set", consume_multiple=True, negative=())
+    ] = None,
 ) -> None:
     """Make a new volume by a trained model.
 
         poresynth sample bone-model -o new.tif --shape 200 200 200 --report out
 
         poresynth sample bone-model -o large.zarr --shape 1024 1024 1024 --blockwise
+
+        poresynth sample foam-model -o graded.tif --shape 96 96 256 --set guidance=0.1,0.9
 
     Parameters
     ----------
@@ -309,6 +314,9 @@ def sample(
         Number of threads; 0 takes all cores. The result does not depend on it.
     report
         Folder for a page with figures and pictures, and its JSON.
+    settings
+        KEY=VALUE …: what else the engine is asked for. Of ipfn: guidance (a number, two, or the
+        file of a map), noise_scale, latent, mirrored, resolution, start, whole.
     """
     neural_workflow.sample(
         model,
@@ -322,6 +330,7 @@ def sample(
         device=device,
         threads=threads,
         report=report,
+        options=config.parse_settings(settings or ()).get("parameters", {}),
     )
 
 

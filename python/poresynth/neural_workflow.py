@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import shlex
@@ -116,6 +117,7 @@ def sample(
     device: str,
     threads: int,
     report: Path | None,
+    options: Mapping[str, Any],
 ) -> None:
     """Make a volume by a trained model, write it with all that made it, and say how new it is.
 
@@ -133,6 +135,8 @@ def sample(
         Where it is made.
     report : Path, optional
         Folder for a report.
+    options : mapping
+        What the engine's `sample` has beyond these. A text is the file of a map.
 
     Raises
     ------
@@ -151,12 +155,14 @@ def sample(
         "cut_at": cut_at,
         "threads": threads,
     }
+    command = _command(model, output, shape, seed, boundary, porosity, cut_at, blockwise, options)
     origin = {
         "configuration": {"model": str(model), "shape": list(shape), "seed": seed},
-        "command": _command(model, output, shape, seed, boundary, porosity, cut_at, blockwise),
+        "command": command,
     }
     with workflow.reserve(output, report=report):
         engine = load_model(model, device=device)
+        wanted |= _sampling_options(engine, options, known=wanted)
         with console.progress("sampling") as progress:
             if blockwise:
                 found = engine.sample_to(output, shape, progress=progress, origin=origin, **wanted)
@@ -170,7 +176,25 @@ def sample(
         console.result(f"new volume: {output}")
         raw = volume.metadata["poresynth"]["raw_porosity"]
         console.result(f"porosity at the exemplar's threshold: {raw:.4f}")
-        workflow.judge([engine.exemplar_], volume, threads, report)
+        workflow.judge([engine.exemplar_], volume, threads, report, beside_images=False)
+
+
+def _sampling_options(
+    engine: Any, options: Mapping[str, Any], known: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return options as the engine takes them: lists as tuples, names of files as maps."""
+    names = inspect.signature(engine.sample).parameters.keys() - known.keys()
+    taken = names & inspect.signature(engine.sample_to).parameters.keys() - {"shape", "progress"}
+    found: dict[str, Any] = {}
+    for name, value in options.items():
+        if name not in taken:
+            allowed = f"is no option of sampling by {engine.engine}; known are {sorted(taken)}"
+            raise ParameterError(name, value, allowed)
+        found[name] = tuple(value) if isinstance(value, list) else value
+        if name == "guidance" and isinstance(value, str):
+            array = workflow.read(Path(value)).array
+            found[name] = array[0] if array.shape[0] == 1 else array
+    return found
 
 
 def _command(
@@ -182,6 +206,7 @@ def _command(
     porosity: float | None,
     cut_at: str,
     blockwise: bool,
+    options: Mapping[str, Any],
 ) -> str:
     """Return the command line that repeats the run."""
     words = ["poresynth", "sample", str(model), "-o", str(output), "--shape", *map(str, shape)]
@@ -189,4 +214,7 @@ def _command(
     words += ["--periodic"] if boundary == "periodic" else []
     words += ["--porosity", str(porosity)] if porosity is not None else []
     words += ["--blockwise"] if blockwise else []
+    if options:
+        # What JSON writes is TOML, too.
+        words += ["--set", *(f"{name}={json.dumps(value)}" for name, value in options.items())]
     return shlex.join(words)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from poresynth.volume import Volume
 
 __all__ = [
+    "FLAT_ENGINES",
     "IMAGE_ENGINES",
     "TRAINED_ENGINES",
     "compare",
@@ -45,7 +46,10 @@ IMAGE_ENGINES = {"solid": 3}
 TURNING_ENGINE = "volume"
 """The engine whose structure can turn and scale from place to place."""
 
-TRAINED_ENGINES = {"scaffoldgan"}
+FLAT_ENGINES = {"ipfn"}
+"""Engines that learn from a volume or from an image, and make the like of it."""
+
+TRAINED_ENGINES = {"scaffoldgan", "ipfn"}
 """Engines whose `fit` trains a network: it takes long, and reports its progress."""
 
 # Channels of a plain array (y, x, channel): more are the voxels of a volume.
@@ -131,14 +135,22 @@ def synthesize(run: RunConfig, output: Path, threads: int, report: Path | None) 
                 console.result(f"synthesised: {origin[reason]}")
         if "raw_porosity" in origin:
             console.result(f"porosity at the exemplar's threshold: {origin['raw_porosity']:.4f}")
-        judge(exemplars, volume, threads, report)
+        judge(exemplars, volume, threads, report, beside_images=run.engine in IMAGE_ENGINES)
 
 
 def judge(
-    exemplars: Sequence[Volume], volume: SynthesizedVolume, threads: int, report: Path | None
+    exemplars: Sequence[Volume],
+    volume: SynthesizedVolume,
+    threads: int,
+    report: Path | None,
+    *,
+    beside_images: bool,
 ) -> None:
     """Say how new a volume is; beside images, or with a report, how like its exemplars too."""
-    if report is None and volume.metadata["poresynth"]["engine"] not in IMAGE_ENGINES:
+    if volume.shape[0] == 1:
+        console.note("it is an image: comparisons and reports are of volumes")
+        return
+    if report is None and not beside_images:
         _print_copying(exemplars[0], volume, threads)
     else:
         _compare_with_exemplars(exemplars, volume, threads, report)
@@ -562,13 +574,14 @@ def read_exemplars(run: RunConfig) -> list[Volume]:
     images = run.engine in IMAGE_ENGINES
     count, most = len(run.exemplar), IMAGE_ENGINES.get(run.engine, 1)
     if count > most:
-        what = f"1 to {most} images" if images else "one volume; for images take --engine solid"
+        one = "one volume" if run.engine not in FLAT_ENGINES else "one volume or image"
+        what = f"1 to {most} images" if images else f"{one}; for images take --engine solid"
         allowed = f"are {count}, but the engine {run.engine} learns from {what}"
         raise ParameterError("exemplar", ", ".join(run.exemplar), allowed)
     volumes = []
     for path in run.exemplar:
         volume = read_exemplar(Path(path), run.input, image=images)
-        if images != (volume.shape[0] == 1):
+        if run.engine not in FLAT_ENGINES and images != (volume.shape[0] == 1):
             raise ParameterError("exemplar", path, _refusal(run.engine, volume))
         volumes.append(volume)
     channels = [volume.channels for volume in volumes]

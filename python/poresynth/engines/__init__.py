@@ -17,6 +17,7 @@ __all__ = ["ENGINES", "get_engine", "load_model", "saved_parameters"]
 ENGINES: dict[str, tuple[str, str]] = {
     "volume": ("poresynth.engines.volume_texture", "VolumeTexture"),
     "solid": ("poresynth.engines.solid_texture", "SolidTexture"),
+    "ipfn": ("poresynth.engines.periodic_field", "PeriodicField"),
     "scaffoldgan": ("poresynth.engines.scaffold_gan", "ScaffoldGAN"),
 }
 

@@ -13,7 +13,6 @@ from poresynth import _core
 from poresynth.errors import ParameterError
 from poresynth.preprocess import (
     MOST_LABELS,
-    binarize,
     is_two_valued,
     label_values,
     threshold,
@@ -102,8 +101,9 @@ class Phases:
     def cut(
         structure: npt.NDArray[Any], value: float, solid: Literal["bright", "dark"]
     ) -> npt.NDArray[np.bool_]:
-        """Return the solid of a gray or binary volume."""
-        return np.asarray(binarize(structure, value, solid))
+        """Return the solid of a gray or binary volume, which may have none."""
+        bright = np.asarray(structure > value)
+        return bright if solid == "bright" else ~bright
 
     def with_phase(self, phase: npt.NDArray[np.uint8]) -> Phases:
         """Return the same phases, as other voxels show them."""

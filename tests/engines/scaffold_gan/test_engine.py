@@ -72,7 +72,7 @@ def test_a_minute_of_training_beats_white_noise_and_an_untrained_network_by_far(
     noise = judge(rng.random(shape) > trained.porosity_, matched.array).figures
 
     untrained = ScaffoldGAN(preset="tiny", device="cpu")
-    untrained._learn(trained.exemplar_, untrained._resolve())
+    untrained._learn(trained.exemplar_)
     step = untrained._step(torch.from_numpy(untrained._scaling.field(trained.exemplar_)))
     network = step.networks["generator"]
     untrained._calibrate(network)

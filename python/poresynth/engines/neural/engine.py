@@ -1,7 +1,8 @@
 """What the neural engines have in common beside their training: fit, sample, save, load.
 
 A subclass names itself in ``engine`` and says with a few methods what is its own: `_resolve`,
-`_check`, `_generator`, `_step`, `_calibrate`, `_tiles`.
+`_check`, `_generator`, `_step`, `_calibrate`, `_tiles`, and with others what differs from the rest:
+`_scale`, `_voxel_size`.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -88,6 +90,9 @@ class NeuralEngine(ABC):
 
     engine: ClassVar[str]
 
+    extras: Mapping[str, torch.Tensor] = MappingProxyType({})
+    """What a model holds beside generator and exemplar; a subclass fills it before `fit`."""
+
     parameters: dict[str, Any]
     exemplar_: Volume
     parameters_: TrainingParameters
@@ -101,7 +106,7 @@ class NeuralEngine(ABC):
     # --- what a subclass says -----------------------------------------------------------------
 
     @abstractmethod
-    def _resolve(self) -> TrainingParameters:
+    def _resolve(self, exemplar: Volume) -> TrainingParameters:
         """Return the checked parameters, with ``threshold``, ``solid`` and ``kind`` among them."""
 
     @abstractmethod
@@ -121,16 +126,38 @@ class NeuralEngine(ABC):
         """Make a generator ready for sampling."""
 
     @abstractmethod
-    def _tiles(self, generator: nn.Module, seed: int, period: Shape | None) -> Tiles:
-        """Return the endless field of a seed, with a period in voxels if there is one."""
+    def _tiles(
+        self, generator: nn.Module, seed: int, shape: Shape, boundary: Boundary, options: Any = None
+    ) -> Tiles:
+        """Return the endless field of a seed.
 
-    @abstractmethod
-    def _period_unit(self) -> int:
-        """Return what the edges of a periodic volume must be multiples of."""
+        Parameters
+        ----------
+        generator : torch.nn.Module
+        seed : int
+        shape : (int, int, int)
+            Of the volume that is asked for: of a periodic one the period, in voxels.
+        boundary : {"open", "periodic"}
+        options
+            What `sample` of the subclass has beyond that of this class.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such volume.
+        """
 
     @abstractmethod
     def _tile_memory(self) -> int:
         """Return the peak memory of one tile in bytes."""
+
+    def _scale(self, volume: Volume) -> Scaling:
+        """Return what the network learns of the exemplar."""
+        return Scaling.of(volume, self._phases)
+
+    def _voxel_size(self, options: Any) -> tuple[float, float, float]:
+        """Return the edges of a voxel that is sampled."""
+        return self.exemplar_.voxel_size
 
     # --- training -----------------------------------------------------------------------------
 
@@ -183,7 +210,7 @@ class NeuralEngine(ABC):
         place = None if folder is None else Path(folder)
         if place is None and not first_process():
             raise ParameterError("folder", None, "is needed to train with several processes")
-        self._learn(as_volume(exemplar), self._resolve())
+        self._learn(as_volume(exemplar))
         self._kept: dict[str, torch.Tensor] = {}
         self._folder = place
         self.training_, self.origin_ = {}, dict(origin or {})
@@ -210,14 +237,14 @@ class NeuralEngine(ABC):
             self.save(place / MODEL)
         return self
 
-    def _learn(self, volume: Volume, parameters: TrainingParameters) -> None:
+    def _learn(self, volume: Volume) -> None:
         """Take an exemplar in."""
         validate_voxels(volume, "exemplar")
-        self.parameters_ = parameters
+        self.parameters_ = self._resolve(volume)
         self._check(volume)
-        chosen: Any = parameters
+        chosen: Any = self.parameters_
         self._phases = Phases.of(volume, chosen.kind, chosen.threshold, chosen.solid)
-        self._scaling = Scaling.of(volume, self._phases)
+        self._scaling = self._scale(volume)
         self.exemplar_ = volume
         self.threshold_, self.porosity_ = self._phases.threshold, self._phases.porosity
 
@@ -233,7 +260,8 @@ class NeuralEngine(ABC):
         generator.eval()
         shape = [min(n, JUDGED) for n in self.exemplar_.shape]
         seed = mix_seed(self.parameters_.training_seed, 0xE7A1)
-        field = assemble(self._tiles(generator, seed, None), (0, 0, 0), shape)
+        tiles = self._tiles(generator, seed, self.exemplar_.shape, "open")
+        field = assemble(tiles, (0, 0, 0), shape)
         values = self._scaling.values(field)
         return self._judge(self._phases.phase_of(values) > 0, _first(values))
 
@@ -313,10 +341,22 @@ class NeuralEngine(ABC):
         -----
         Peak memory: see `estimate_memory`.
         """
-        self._check_fitted()
         if known is not None or known_mask is not None:
             raise ParameterError("known", "given", "cannot be kept by a neural engine")
-        request = Request.of(
+        request = self._request(shape, seed, boundary, porosity, mask, threads)
+        return self._sample(request, cut_at, start, progress)
+
+    def _request(
+        self,
+        shape: Shape,
+        seed: int,
+        boundary: Boundary,
+        porosity: PorosityLike | None,
+        mask: npt.NDArray[np.bool_] | None,
+        threads: int,
+    ) -> Request:
+        self._check_fitted()
+        return Request.of(
             shape,
             least=1,
             exemplar=self.exemplar_,
@@ -328,11 +368,21 @@ class NeuralEngine(ABC):
             mask=mask,
             threads=threads,
         )
-        tiles = self._window(request, cut_at, start)
+
+    def _sample(
+        self,
+        request: Request,
+        cut_at: Cut,
+        start: Shape,
+        progress: ProgressCallback | None,
+        options: Any = None,
+    ) -> SynthesizedVolume:
+        """Make what `sample` was asked for; ``options`` are what that of a subclass adds."""
+        tiles = self._window(request, cut_at, options)
         needed = self.estimate_memory(request.shape) + request.memory
         check_memory(needed, f"a volume of {request.shape}")
         report = None if progress is None else lambda share: progress("sampling", share)
-        field = assemble(tiles, start, request.shape, threads=threads, progress=report)
+        field = assemble(tiles, start, request.shape, threads=request.threads, progress=report)
         values = self._scaling.values(field)
         own = self._phases.phase_of(values) == 0
         raw = float(own.mean() if request.domain is None else own[request.domain].mean())
@@ -349,9 +399,9 @@ class NeuralEngine(ABC):
             request.impose(values, self._outside())
         return SynthesizedVolume(
             values,
-            self.exemplar_.voxel_size,
+            self._voxel_size(options),
             self.exemplar_.unit,
-            {"poresynth": {**self._provenance(request, cut_at, start), **made_so}},
+            {"poresynth": {**self._provenance(request, cut_at, start, options), **made_so}},
         )
 
     def sample_to(
@@ -402,23 +452,24 @@ class NeuralEngine(ABC):
         Peak memory: that of `estimate_memory` for a block of 128³ voxels, and 64 MB for writing,
         whatever the shape. Measured for 420³ of the preset tiny: 132 MB to Zarr, 155 MB to TIFF.
         """
-        self._check_fitted()
-        request = Request.of(
-            shape,
-            least=1,
-            exemplar=self.exemplar_,
-            seed=seed,
-            boundary=boundary,
-            porosity=porosity,
-            known=None,
-            known_mask=None,
-            mask=None,
-            threads=threads,
-        )
+        request = self._request(shape, seed, boundary, porosity, None, threads)
+        return self._sample_to(path, request, cut_at, start, progress, origin)
+
+    def _sample_to(
+        self,
+        path: str | Path,
+        request: Request,
+        cut_at: Cut,
+        start: Shape,
+        progress: ProgressCallback | None,
+        origin: dict[str, Any] | None,
+        options: Any = None,
+    ) -> dict[str, float]:
+        """Make what `sample_to` was asked for; ``options`` are what that of a subclass adds."""
         if request.porosity_map is not None:
             allowed = "must be a number where a volume is written block by block"
             raise ParameterError("porosity", "a map", allowed)
-        tiles = self._window(request, cut_at, start)
+        tiles = self._window(request, cut_at, options)
         needed = self.estimate_memory((BLOCK, BLOCK, BLOCK)) + WRITING
         check_memory(needed, f"a block of {BLOCK}³ voxels")
         boxes = blocks(request.shape, BLOCK)
@@ -433,7 +484,7 @@ class NeuralEngine(ABC):
                 if progress is not None:
                     progress("sampling", (done + share) / (passes * len(boxes)))
 
-            made = assemble(tiles, at, box.shape, threads=threads, progress=report)
+            made = assemble(tiles, at, box.shape, threads=request.threads, progress=report)
             done += 1
             return made
 
@@ -446,11 +497,12 @@ class NeuralEngine(ABC):
                 made = field(box)
                 counts += np.bincount(to_levels(made[0]).ravel(), minlength=LEVELS)
                 pores += int(np.count_nonzero(~self._scaling.solid(made)))
-            level_map = LevelMap(self._scaling, self.exemplar_.array, counts, porosity)
+            level_map = LevelMap(self._scaling, self.exemplar_.array, counts, request.porosity)
             to_values = level_map  # type: ignore[assignment]
         blank = np.broadcast_to(np.zeros((), self.exemplar_.dtype), request.shape)
-        metadata = {"poresynth": {**self._provenance(request, cut_at, start), **(origin or {})}}
-        like = Volume(blank, self.exemplar_.voxel_size, self.exemplar_.unit, metadata)
+        made_by = self._provenance(request, cut_at, start, options)
+        metadata = {"poresynth": {**made_by, **(origin or {})}}
+        like = Volume(blank, self._voxel_size(options), self.exemplar_.unit, metadata)
         with io.create(path, like) as writer:
             for box in boxes:
                 made = field(box)
@@ -476,7 +528,7 @@ class NeuralEngine(ABC):
     def _device(self) -> torch.device:
         return next(self.generator_.parameters()).device
 
-    def _window(self, request: Request, cut_at: Cut, start: Shape) -> Tiles:
+    def _window(self, request: Request, cut_at: Cut, options: Any) -> Tiles:
         """Check what is asked of the field, and return it."""
         if cut_at not in ("porosity", "exemplar"):
             raise ParameterError("cut_at", cut_at, "must be 'porosity' or 'exemplar'")
@@ -484,20 +536,15 @@ class NeuralEngine(ABC):
         if cut_at == "exemplar" and wanted is not None:
             allowed = "goes with cut_at = porosity, not with the exemplar's threshold"
             raise ParameterError("porosity", wanted, allowed)
-        period = None
-        if request.boundary == "periodic":
-            unit = self._period_unit()
-            if any(n % unit for n in request.shape):
-                allowed = f"must be multiples of {unit} along each axis for a periodic volume"
-                raise ParameterError("shape", request.shape, allowed)
-            period = request.shape
-        return self._tiles(self.generator_, request.seed, period)
+        return self._tiles(self.generator_, request.seed, request.shape, request.boundary, options)
 
     def _outside(self) -> Any:
         """Return the value of voxels outside a mask."""
         return outside_value(self._phases, self.exemplar_.array)
 
-    def _provenance(self, request: Request, cut_at: Cut, start: Shape) -> dict[str, Any]:
+    def _provenance(
+        self, request: Request, cut_at: Cut, start: Shape, options: Any
+    ) -> dict[str, Any]:
         return {
             "version": _core.__version__,
             "engine": self.engine,
@@ -548,7 +595,8 @@ class NeuralEngine(ABC):
             engine = cls(**given)
             array = tensors["exemplar"].numpy()
             volume = Volume(array, tuple(facts["voxel_size"]), facts["unit"])
-            engine._learn(volume, engine._resolve())
+            engine.extras = below("extra.", tensors)
+            engine._learn(volume)
             engine.training_, engine.origin_ = facts["training"], facts["origin"]
             engine._adopt(below("generator.", tensors), choose_device(device))
         except (KeyError, TypeError, RuntimeError) as error:
@@ -560,6 +608,7 @@ class NeuralEngine(ABC):
         tensors = {f"generator.{name}": tensor for name, tensor in generator.items()}
         # A copy: a mapped file cannot be handed over.
         tensors["exemplar"] = torch.from_numpy(np.array(self.exemplar_.array, order="C"))
+        tensors |= {f"extra.{name}": tensor for name, tensor in self.extras.items()}
         facts = {
             "engine": self.engine,
             "parameters": self.parameters_.model_dump(mode="json"),

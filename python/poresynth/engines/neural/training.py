@@ -323,12 +323,15 @@ class _Run:
 
     def _write_log(self, found: Evaluation) -> None:
         training = self.training
-        names = self.losses[-1]
+        # One loss may take over from another between two comparisons.
+        names = dict.fromkeys(name for one in self.losses for name in one)
         self.log.write(
             {
                 "iteration": training.iteration,
                 "seconds": round(training.seconds, 2),
-                "losses": {n: float(np.mean([one[n] for one in self.losses])) for n in names},
+                "losses": {
+                    n: float(np.mean([one[n] for one in self.losses if n in one])) for n in names
+                },
                 "figures": found.figures,
                 "score": found.score if math.isfinite(found.score) else None,
                 "best": training.best_iteration,

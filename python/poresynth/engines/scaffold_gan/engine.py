@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
 import torch
 from torch import nn
 
-from poresynth.engines.neural.engine import NeuralEngine, Shape
+from poresynth.engines.neural.engine import Boundary, NeuralEngine, Shape
 from poresynth.engines.neural.noise import mix_seed
 from poresynth.engines.neural.tiles import Tiles
 from poresynth.engines.neural.training import Step
@@ -214,7 +214,7 @@ class ScaffoldGAN(NeuralEngine):
         del given["self"]
         self.parameters: dict[str, Any] = given
 
-    def _resolve(self) -> ScaffoldParameters:
+    def _resolve(self, exemplar: Volume) -> ScaffoldParameters:
         return resolve(self.parameters)
 
     def _check(self, exemplar: Volume) -> None:
@@ -239,11 +239,17 @@ class ScaffoldGAN(NeuralEngine):
         seed = mix_seed(self.parameters_.training_seed, 0xCA11)
         calibrate(cast(Generator, generator), seed)
 
-    def _tiles(self, generator: nn.Module, seed: int, period: Shape | None) -> Tiles:
+    def _tiles(
+        self, generator: nn.Module, seed: int, shape: Shape, boundary: Boundary, options: Any = None
+    ) -> Tiles:
+        period = None
+        if boundary == "periodic":
+            unit = 1 << len(self.parameters_.generator_maps)
+            if any(n % unit for n in shape):
+                allowed = f"must be multiples of {unit} along each axis for a periodic volume"
+                raise ParameterError("shape", shape, allowed)
+            period = shape
         return GeneratorTiles(cast(Generator, generator), seed, self.parameters_.crop, period)
-
-    def _period_unit(self) -> int:
-        return 1 << len(self.parameters_.generator_maps)
 
     def _tile_memory(self) -> int:
         """Return four times the largest layer, input and output, and what the library keeps.

@@ -1,0 +1,35 @@
+"""The periodic encoding of coordinates (ipfn_2022 Eq. 3)."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+__all__ = ["encode", "encoded_size"]
+
+
+def encoded_size(bandwidth: int) -> int:
+    """Return the features of one axis: a cosine and a sine of the octaves 0 … bandwidth."""
+    return 2 * (bandwidth + 1)
+
+
+def encode(phase: Tensor, bandwidth: int) -> Tensor:
+    """Return γ of Eq. 3 for one axis.
+
+    Parameters
+    ----------
+    phase : Tensor
+        a·c along one axis, any shape. One period of the encoding is a phase of 2.
+    bandwidth : int
+        i of Eq. 3: the highest octave, whose wavelength is the period / 2^i.
+
+    Returns
+    -------
+    Tensor
+        Shape (…, 2 (bandwidth + 1)): cos(2⁰π a c), sin(2⁰π a c), …, cos(2^i π a c), sin(2^i π a c).
+    """
+    octaves = math.pi * 2.0 ** torch.arange(bandwidth + 1, dtype=phase.dtype, device=phase.device)
+    angle = phase[..., None] * octaves  # (…, octave)
+    return torch.stack([angle.cos(), angle.sin()], dim=-1).flatten(-2)

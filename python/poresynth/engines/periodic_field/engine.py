@@ -1,0 +1,427 @@
+"""Images and volumes as endless fields: the implicit periodic field network (ipfn_2022)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import nn
+
+from poresynth.engines.base import ProgressCallback, SynthesizedVolume
+from poresynth.engines.field_choice import choose_field
+from poresynth.engines.neural.engine import Boundary, Cut, NeuralEngine, Shape
+from poresynth.engines.neural.noise import mix_seed
+from poresynth.engines.neural.scaling import Scaling
+from poresynth.engines.neural.tiles import Tiles, assemble
+from poresynth.engines.neural.training import Step
+from poresynth.engines.periodic_field.generator import Generator
+from poresynth.engines.periodic_field.guidance import Factors, Guidance
+from poresynth.engines.periodic_field.latent import LatentField
+from poresynth.engines.periodic_field.options import FieldOptions
+from poresynth.engines.periodic_field.parameters import FieldParameters, Preset, resolve
+from poresynth.engines.periodic_field.period import starting_period
+from poresynth.engines.periodic_field.sampling import FieldTiles, Frame
+from poresynth.engines.periodic_field.scaling import DistanceScaling
+from poresynth.engines.periodic_field.training import FieldStep
+from poresynth.engines.porosity import PorosityLike
+from poresynth.engines.request import Request
+from poresynth.errors import ParameterError
+from poresynth.volume import Volume, as_volume
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+__all__ = ["PeriodicField"]
+
+SPACING = {True: 1.0, False: 0.33}
+"""Distance of the latent field's sites as a phase, where the period is clear and where it stands
+for four wavelengths: a half and two thirds of a wavelength."""
+
+# What a seed drawn from that of the training is for.
+_WEIGHTS = 1
+
+# Channels of a plain array (y, x, channel): more are the voxels of a volume.
+_CHANNELS = 4
+
+
+class PeriodicField(NeuralEngine):
+    """Learn an image or a volume as an endless field, and sample any window of it.
+
+    Chen et al., *Exemplar-based Pattern Synthesis with Implicit Periodic Field Network* (2022). A
+    small network maps the coordinates of a point, encoded by sines of a period that is learned, and
+    the numbers of a smooth random field to the value there. As points are independent of each
+    other, outputs have any size, a window of a large output is had by itself, and a field can be
+    sampled finer than the exemplar's voxels.
+
+    Parameters
+    ----------
+    preset
+    """
+
+    engine: ClassVar[str] = "ipfn"
+    parameters_: FieldParameters
+
+    def __init__(
+        self,
+        *,
+        preset: Preset = "tiny",
+        threshold: float | None = None,
+        solid: Literal["bright", "dark"] | None = None,
+        kind: Literal["auto", "gray", "binary", "label"] | None = None,
+        field: Literal["auto", "distance", "intensity"] | None = None,
+        clip: int | None = None,
+        guidance: Literal["none", "density", "direction", "map"] | None = None,
+        direction: tuple[float, ...] | None = None,
+        period: Literal["exemplar", "crop"] | float | tuple[float, ...] | None = None,
+        learn_period: bool | None = None,
+        shift: Literal["period", "paper", "none"] | None = None,
+        bandwidth: int | None = None,
+        width: int | None = None,
+        depth: int | None = None,
+        latents: int | None = None,
+        groups: int | None = None,
+        spacing: float | None = None,
+        interpolation: Literal["gradient", "quintic", "paper"] | None = None,
+        sigma: float | None = None,
+        crop: int | None = None,
+        sliced_iterations: int | None = None,
+        reach: int | None = None,
+        grids: int | None = None,
+        filters: int | None = None,
+        taps: tuple[int, int] | None = None,
+        places: int | None = None,
+        critic_maps: tuple[int, ...] | None = None,
+        critic_steps: int | None = None,
+        generator_steps: int | None = None,
+        penalty: float | None = None,
+        iterations: int | None = None,
+        batch: int | None = None,
+        accumulate: int | None = None,
+        learning_rate: float | None = None,
+        period_rate: float | None = None,
+        betas: tuple[float, float] | None = None,
+        schedule: Literal["constant", "cosine"] | None = None,
+        ema: float | None = None,
+        precision: Literal["float32", "bfloat16", "float16"] | None = None,
+        channels_last: bool | None = None,
+        compile: bool | None = None,  # noqa: A002 – the name that PyTorch gives it
+        device: str | None = None,
+        evaluate_every: int | None = None,
+        patience: int | None = None,
+        training_seed: int | None = None,
+    ) -> None:
+        given = dict(locals())
+        del given["self"]
+        self.parameters: dict[str, Any] = given
+
+    def fit(
+        self,
+        exemplar: Volume | npt.ArrayLike,
+        *,
+        guidance: npt.ArrayLike | None = None,
+        folder: str | Path | None = None,
+        resume: bool = False,
+        progress: ProgressCallback | None = None,
+        origin: Mapping[str, Any] | None = None,
+    ) -> Self:
+        """Train on an exemplar.
+
+        Parameters
+        ----------
+        exemplar : Volume or array_like
+            A volume (z, y, x[, channel]), or an image (y, x), (1, y, x[, channel]) or, of at most
+            four channels, (y, x, channel). A structure is that of the first channel.
+        guidance : array_like, optional
+            The guidance factor at every voxel, in any unit; for the parameter guidance "map".
+        folder, resume, progress, origin
+            As of `poresynth.engines.neural.engine.NeuralEngine.fit`.
+
+        Returns
+        -------
+        PeriodicField
+
+        Raises
+        ------
+        ParameterError
+            If a parameter, the exemplar or the guidance is outside what is allowed.
+        TrainingError
+            If the training comes to nothing.
+        KeyboardInterrupt
+            On Ctrl-C, after a checkpoint.
+
+        Notes
+        -----
+        The same exemplar, parameters and training seed give the same network on one machine.
+        """
+        self._map = None if guidance is None else np.asarray(guidance)
+        volume = _as_exemplar(exemplar)
+        return super().fit(volume, folder=folder, resume=resume, progress=progress, origin=origin)
+
+    def sample(
+        self,
+        shape: Shape,
+        *,
+        seed: int = 0,
+        boundary: Boundary = "open",
+        porosity: PorosityLike | None = None,
+        known: Volume | npt.ArrayLike | None = None,
+        known_mask: npt.NDArray[np.bool_] | None = None,
+        mask: npt.NDArray[np.bool_] | None = None,
+        threads: int = 0,
+        progress: ProgressCallback | None = None,
+        cut_at: Cut | None = None,
+        start: Shape = (0, 0, 0),
+        guidance: Guidance | None = None,
+        noise_scale: float = 1.0,
+        latent: Literal["random", "constant"] = "random",
+        mirrored: bool = False,
+        resolution: float = 1.0,
+        whole: Shape | None = None,
+    ) -> SynthesizedVolume:
+        """Make an image or a volume: a window of an endless one that the seed stands for."""
+        if known is not None or known_mask is not None:
+            raise ParameterError("known", "given", "cannot be kept by a neural engine")
+        options = FieldOptions(guidance, noise_scale, latent, mirrored, resolution, whole)
+        request = self._request(shape, seed, boundary, porosity, mask, threads)
+        return self._sample(request, self._cut(cut_at, porosity), start, progress, options)
+
+    def sample_to(
+        self,
+        path: str | Path,
+        shape: Shape,
+        *,
+        seed: int = 0,
+        boundary: Boundary = "open",
+        porosity: float | None = None,
+        threads: int = 0,
+        progress: ProgressCallback | None = None,
+        cut_at: Cut | None = None,
+        start: Shape = (0, 0, 0),
+        origin: dict[str, Any] | None = None,
+        guidance: Guidance | None = None,
+        noise_scale: float = 1.0,
+        latent: Literal["random", "constant"] = "random",
+        mirrored: bool = False,
+        resolution: float = 1.0,
+        whole: Shape | None = None,
+    ) -> dict[str, float]:
+        """Make a volume and write it block by block, however large it is.
+
+        As `poresynth.engines.neural.engine.NeuralEngine.sample_to`, with the arguments of `sample`.
+        """
+        options = FieldOptions(guidance, noise_scale, latent, mirrored, resolution, whole)
+        request = self._request(shape, seed, boundary, porosity, None, threads)
+        cut_at = self._cut(cut_at, porosity)
+        return self._sample_to(path, request, cut_at, start, progress, origin, options)
+
+    def sample_field(
+        self,
+        shape: Shape,
+        *,
+        seed: int = 0,
+        boundary: Boundary = "open",
+        threads: int = 0,
+        progress: ProgressCallback | None = None,
+        start: Shape = (0, 0, 0),
+        guidance: Guidance | None = None,
+        noise_scale: float = 1.0,
+        latent: Literal["random", "constant"] = "random",
+        mirrored: bool = False,
+        resolution: float = 1.0,
+        whole: Shape | None = None,
+    ) -> Volume:
+        """Return the field itself, which `sample` cuts.
+
+        Parameters
+        ----------
+        shape, seed, boundary, threads, progress, start, guidance, noise_scale, latent, mirrored, \
+resolution, whole
+            As of `sample`.
+
+        Returns
+        -------
+        Volume
+            float32. Of distances: to the surface in voxels of the exemplar, positive in the solid,
+            up to ``clip``; a surface at level 0 can be meshed at any resolution. Of intensities:
+            from −1 to 1, with ``threshold`` where the phases part, and a last axis of channels if
+            there are several.
+        """
+        options = FieldOptions(guidance, noise_scale, latent, mirrored, resolution, whole)
+        request = self._request(shape, seed, boundary, None, None, threads)
+        tiles = self._tiles(self.generator_, request.seed, request.shape, boundary, options)
+        report = None if progress is None else lambda share: progress("sampling", share)
+        field = assemble(tiles, start, request.shape, threads=threads, progress=report)
+        if isinstance(self._scaling, DistanceScaling):
+            field *= np.float32(self._scaling.clip)
+        array = field[0] if len(field) == 1 else np.ascontiguousarray(np.moveaxis(field, 0, -1))
+        return Volume(array, self._voxel_size(options), self.exemplar_.unit)
+
+    @property
+    def period_(self) -> tuple[float, ...]:
+        """Learned period along each axis that the field has, pixels or voxels."""
+        self._check_fitted()
+        return cast(Generator, self.generator_).period
+
+    def _resolve(self, exemplar: Volume) -> FieldParameters:
+        p = resolve(self.parameters, _axes(exemplar))
+        edge = min(n for n in exemplar.shape if n > 1)
+        # What a preset says is as much as a small exemplar has.
+        most = {"crop": edge, "reach": max(4, edge // 2)}
+        given = self.parameters
+        return p.model_copy(
+            update={n: min(getattr(p, n), m) for n, m in most.items() if given[n] is None}
+        )
+
+    def _check(self, exemplar: Volume) -> None:
+        edge = min(n for n in exemplar.shape if n > 1)
+        for name, limit in (("crop", edge), ("reach", edge - 1)):
+            value = getattr(self.parameters_, name)
+            if value > limit:
+                allowed = f"must be at most {limit} for an exemplar with an edge of {edge}"
+                raise ParameterError(name, value, allowed)
+        if exemplar.channels > 1 and self.parameters_.field == "distance":
+            allowed = f"must be 'intensity' for {exemplar.channels} channels"
+            raise ParameterError("field", "distance", allowed)
+
+    def _scale(self, volume: Volume) -> Scaling:
+        p = self.parameters_
+        if volume.channels > 1:
+            self.field_, self.field_reason_ = "intensity", "intensity, for it has channels"
+        else:
+            self.field_, self.field_reason_ = choose_field(volume.array, self._phases, p.field)
+        if self.field_ == "distance":
+            return DistanceScaling.of_distances(volume, self._phases, p.clip)
+        return Scaling.of(volume, self._phases)
+
+    def _generator(self) -> Generator:
+        p = self.parameters_
+        return Generator(
+            axes=_axes(self.exemplar_),
+            channels=self._scaling.channels,
+            latents=p.latents,
+            guides=0 if p.guidance == "none" else 1,
+            bandwidth=p.bandwidth,
+            width=p.width,
+            depth=p.depth,
+        )
+
+    def _step(self, field: torch.Tensor) -> Step:
+        p = self.parameters_
+        array = field.numpy()
+        flat = array[:, 0] if _axes(self.exemplar_) == 2 else array
+        guide = None
+        found = Factors.of(p.guidance, p.direction, self._phases, p.crop, self._map)
+        if found is not None:
+            factors, own = found
+            guide = own.reshape(1, *flat.shape[1:])
+            self.extras = {"guidance": torch.tensor([factors.low, factors.high, factors.mean])}
+        period = starting_period(flat, p.period, p.crop, p.bandwidth)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(mix_seed(p.training_seed, _WEIGHTS) >> 1)
+            generator = self._generator()
+            generator.start.copy_(torch.tensor(period.length))
+            spacing = [p.spacing or SPACING[clear] for clear in period.clear]
+            generator.spacing.copy_(torch.tensor(spacing))
+            return FieldStep(
+                p,
+                flat,
+                guide,
+                generator,
+                self._latent(generator),
+                self._evaluate,
+                self._keep,
+            )
+
+    def _calibrate(self, generator: nn.Module) -> None:
+        pass
+
+    def _tiles(
+        self, generator: nn.Module, seed: int, shape: Shape, boundary: Boundary, options: Any = None
+    ) -> Tiles:
+        o = FieldOptions() if options is None else cast(FieldOptions, options)
+        made = cast(Generator, generator)
+        whole = shape if o.whole is None else o.whole
+        if made.axes == 2 and (shape[0] != 1 or whole[0] != 1):
+            raise ParameterError("shape", shape, "must be (1, y, x): the exemplar is an image")
+        p, guide = self.parameters_, None
+        if p.guidance != "none":
+            low, high, mean = self.extras["guidance"].tolist()
+            guide = Factors(p.guidance, p.direction or (), low, high, mean).guide(o.guidance, whole)
+        elif o.guidance is not None:
+            raise ParameterError("guidance", "given", "was not trained: see the parameter guidance")
+        return FieldTiles(
+            made,
+            self._latent(made),
+            p.latents,
+            self._frame(made, whole, boundary, o)[0],
+            seed=seed,
+            constant=o.latent == "constant",
+            guide=guide,
+            precision=p.precision,
+        )
+
+    def _frame(
+        self, generator: Generator, whole: Shape, boundary: Boundary, options: FieldOptions
+    ) -> tuple[Frame, tuple[float, ...]]:
+        """Return how voxels become phases, and how much that stretches the structure."""
+        edges = whole[3 - generator.axes :]
+        frame = Frame.open(
+            generator.period,
+            generator.spacing.tolist(),
+            noise_scale=options.noise_scale,
+            resolution=options.resolution,
+            mirrored=edges if options.mirrored else None,
+        )
+        return frame.periodic(edges) if boundary == "periodic" else (frame, (1.0,) * len(edges))
+
+    def _tile_memory(self) -> int:
+        """Return what the layers of a tile take: input and output of the widest."""
+        points = 4096 if self._device.type == "cpu" else 1 << 18
+        return 4 * 3 * max(self.parameters_.width, self.parameters_.latents) * points
+
+    def _voxel_size(self, options: Any) -> tuple[float, float, float]:
+        z, y, x = (edge / options.resolution for edge in self.exemplar_.voxel_size)
+        return (z, y, x)
+
+    def _provenance(
+        self, request: Request, cut_at: Cut, start: Shape, options: Any
+    ) -> dict[str, Any]:
+        made, whole = cast(Generator, self.generator_), options.whole or request.shape
+        _, stretch = self._frame(made, whole, request.boundary, options)
+        return {
+            **super()._provenance(request, cut_at, start, options),
+            **options.provenance(),
+            "whole": list(whole),
+            "field": self.field_,
+            "field_reason": self.field_reason_,
+            "period": list(self.period_),
+            "stretch": list(stretch),
+        }
+
+    def _cut(self, asked: Cut | None, porosity: float | None) -> Cut:
+        """Colours are not cut: a porosity that is wanted all the same is that of the first."""
+        if asked is not None:
+            return asked
+        return "exemplar" if self.exemplar_.channels > 1 and porosity is None else "porosity"
+
+    def _latent(self, generator: Generator) -> LatentField:
+        p = self.parameters_
+        spacing = tuple(generator.spacing.tolist())
+        return LatentField(generator.axes, p.groups, spacing, p.interpolation, p.sigma)
+
+
+def _axes(volume: Volume) -> int:
+    return 2 if volume.shape[0] == 1 else 3
+
+
+def _as_exemplar(exemplar: Volume | npt.ArrayLike) -> Volume:
+    """Return an exemplar as a volume; a flat array is an image."""
+    if isinstance(exemplar, Volume):
+        return exemplar
+    array = np.asanyarray(exemplar)
+    colours = array.ndim == 3 and array.shape[2] <= _CHANNELS < min(array.shape[:2])
+    return as_volume(array[None] if array.ndim == 2 or colours else array)

@@ -1,0 +1,233 @@
+"""The endless field of a trained generator, in tiles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from poresynth.engines.neural.machine import DTYPES
+from poresynth.engines.neural.noise import lattice_noise, mix_seed
+from poresynth.engines.periodic_field.generator import Generator
+from poresynth.engines.periodic_field.guidance import Guide
+from poresynth.engines.periodic_field.latent import LatentField
+from poresynth.errors import ParameterError
+
+__all__ = ["FieldTiles", "Frame"]
+
+Shape = tuple[int, int, int]
+Field = npt.NDArray[np.float32]
+Places = npt.NDArray[np.int64]
+
+TILE: dict[str, dict[int, Shape]] = {
+    "cpu": {2: (1, 64, 64), 3: (16, 16, 16)},
+    "other": {2: (1, 512, 512), 3: (64, 64, 64)},
+}
+"""Points that are computed at once. On a CPU 4096 points of 128 numbers stay in the cache: 450,000
+points a second and thread of the paper's network, against 170,000 in chunks of 64³."""
+
+STRETCH = 1.25
+"""Most that a periodic output may stretch or shrink the structure."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """How voxels of an output become phases.
+
+    Attributes
+    ----------
+    frequency : tuple of float
+        Phase of one voxel along each axis that the field has.
+    spacing : tuple of float
+        Distance of the latent field's sites along each axis, as a phase.
+    origin : float
+        Place of voxel 0 in voxels: not 0 where voxels are smaller or larger than the exemplar's, so
+        that the corner of the first voxel stays where it is.
+    period : tuple of int or None
+        Voxels after which an output repeats, along each axis.
+    sites : tuple of int or None
+        Sites of the latent field in these.
+    mirrored : tuple of int or None
+        Voxels of an output whose second half along each axis is its first half turned over, and
+        which then goes on in the same way.
+    """
+
+    frequency: tuple[float, ...]
+    spacing: tuple[float, ...]
+    origin: float = 0.0
+    period: tuple[int, ...] | None = None
+    sites: tuple[int, ...] | None = None
+    mirrored: tuple[int, ...] | None = None
+
+    @classmethod
+    def open(
+        cls,
+        period: Sequence[float],
+        spacing: Sequence[float],
+        *,
+        noise_scale: float = 1.0,
+        resolution: float = 1.0,
+        mirrored: Sequence[int] | None = None,
+    ) -> Frame:
+        """Return the frame of an endless output.
+
+        Parameters
+        ----------
+        period : sequence of float
+            Learned period along each axis, voxels of the exemplar.
+        spacing : sequence of float
+            Distance of the latent field's sites along each axis in training, as a phase.
+        noise_scale : float, default 1.0
+            How much farther apart they are now.
+        resolution : float, default 1.0
+            Voxels of the output in a voxel of the exemplar, along each axis.
+        mirrored : sequence of int, optional
+            Voxels along each axis of an output that is to be mirrored.
+        """
+        return cls(
+            tuple(2 / (length * resolution) for length in period),
+            tuple(noise_scale * cell for cell in spacing),
+            0.5 - 0.5 * resolution,
+            mirrored=None if mirrored is None else tuple(mirrored),
+        )
+
+    def periodic(self, shape: Sequence[int]) -> tuple[Frame, tuple[float, ...]]:
+        """Return the nearest frame that repeats after a shape, and how much that stretches.
+
+        Parameters
+        ----------
+        shape : sequence of int
+            Voxels along each axis that the field has.
+
+        Returns
+        -------
+        Frame
+        tuple of float
+            Factor on the structure's size along each axis. The encoding must fit a whole number of
+            times, and so must the cells of the latent field, whose spacing changes by itself.
+
+        Raises
+        ------
+        ParameterError
+            If a factor is above 1.25 or below its inverse.
+        """
+        frequency, spacing, sites, stretch = [], [], [], []
+        for edge, rate, cell in zip(shape, self.frequency, self.spacing, strict=True):
+            whole = max(1, round(edge * rate / 2))  # periods
+            factor = edge * rate / (2 * whole)
+            if not 1 / STRETCH <= factor <= STRETCH:
+                fits = ", ".join(f"{n * 2 / rate:.0f}" for n in (1, 2, 3))
+                allowed = f"must be near {fits} … voxels: a multiple of the structure's period"
+                raise ParameterError("shape", tuple(shape), f"{allowed}, for a periodic output")
+            frequency.append(2 * whole / edge)
+            sites.append(max(1, round(2 * whole / cell)))
+            spacing.append(2 * whole / sites[-1])
+            stretch.append(factor)
+        framed = Frame(
+            tuple(frequency),
+            tuple(spacing),
+            self.origin,
+            period=tuple(shape),
+            sites=tuple(sites),
+            mirrored=self.mirrored,
+        )
+        return framed, tuple(stretch)
+
+    def phases(self, places: Sequence[Places]) -> tuple[list[Tensor], list[Tensor] | None]:
+        """Return the phases of voxels along each axis, and the sites to go on from there.
+
+        Voxels that are the same in an output that repeats get the same bits.
+        """
+        phases, laps = [], []
+        for axis, place in enumerate(places):
+            lap = np.zeros_like(place)
+            if self.mirrored is not None:
+                edge = self.mirrored[axis]
+                place = np.minimum(place % edge, edge - 1 - place % edge)
+            if self.period is not None and self.sites is not None:
+                lap, place = np.divmod(place, self.period[axis])
+                lap = lap * self.sites[axis]
+            phases.append(torch.from_numpy((place + self.origin) * self.frequency[axis])[None])
+            laps.append(torch.from_numpy(lap)[None])
+        return phases, None if self.period is None else laps
+
+
+class FieldTiles:
+    """The endless field of a generator (`poresynth.engines.neural.tiles.Tiles`), −1 to 1.
+
+    Parameters
+    ----------
+    generator : Generator
+        Trained, on the device that is to compute.
+    latent : LatentField
+        As in training.
+    numbers : int
+        Latent numbers of a point.
+    frame : Frame
+    seed : int
+    constant : bool, default False
+        Whether the latent numbers are those of one site everywhere (§4.4).
+    guide : Guide, optional
+        The guidance factor.
+    precision : str, default "float32"
+        Of the matrix products.
+    """
+
+    def __init__(
+        self,
+        generator: Generator,
+        latent: LatentField,
+        numbers: int,
+        frame: Frame,
+        *,
+        seed: int,
+        constant: bool = False,
+        guide: Guide | None = None,
+        precision: str = "float32",
+    ) -> None:
+        self.device = generator.scale.device
+        self.channels = generator.last.out_features
+        self.edge = TILE["cpu" if self.device.type == "cpu" else "other"][generator.axes]
+        self._generator, self._latent, self._frame = generator, latent, frame
+        self._numbers = numbers // latent.groups
+        self._seeds = [mix_seed(seed, group) for group in range(latent.groups)]
+        self._constant, self._guide, self._precision = constant, guide, precision
+
+    def __call__(self, index: Shape) -> Field:
+        """Return a tile, shape (channel, z, y, x)."""
+        axes = self._generator.axes
+        places = [i * e + np.arange(e) for i, e in zip(index, self.edge, strict=True)]
+        phases, laps = self._frame.phases(places[3 - axes :])
+        latent = self._latent(phases, self._noise, self._frame.spacing, laps).to(self.device)
+        # One period is a phase of 2; what is left is small enough for float32.
+        turned = [(phase % 2).float().to(self.device) for phase in phases]
+        guide = None
+        if self._guide is not None:
+            factors = self._guide.at(places).reshape(1, 1, *self.edge[3 - axes :])
+            guide = torch.from_numpy(factors).to(self.device)
+        reduced = self._precision != "float32"
+        with torch.autocast(self.device.type, DTYPES[self._precision], enabled=reduced):
+            made = 2 * self._generator(turned, latent, guide) - 1
+        field: Field = made[0].float().cpu().numpy()
+        return field.reshape(self.channels, *self.edge)
+
+    def _noise(self, first: Tensor, sites: tuple[int, ...]) -> Tensor:
+        """Return the numbers on the lattices, shape (group, 1, number, sites, …)."""
+        rows = []
+        for seed, start in zip(self._seeds, first[:, 0].tolist(), strict=True):
+            if self._constant:
+                one = lattice_noise(
+                    seed, [0] * len(sites), [1] * len(sites), channels=self._numbers
+                )
+                rows.append(np.broadcast_to(one, (self._numbers, *sites)))
+            else:
+                rows.append(
+                    lattice_noise(
+                        seed, start, sites, channels=self._numbers, period=self._frame.sites
+                    )
+                )
+        return torch.from_numpy(np.stack(rows))[:, None]
