@@ -402,7 +402,7 @@ resolution, whole
             "stretch": list(stretch),
         }
 
-    def _cut(self, asked: Cut | None, porosity: float | None) -> Cut:
+    def _cut(self, asked: Cut | None, porosity: PorosityLike | None) -> Cut:
         """Colours are not cut: a porosity that is wanted all the same is that of the first."""
         if asked is not None:
             return asked
