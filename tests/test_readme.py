@@ -97,6 +97,17 @@ def test_the_commands_for_parts_run(
         assert meshes.check(meshes.read(workshop / "part.stl", unit="mm")).watertight
 
 
+def test_the_commands_for_models_run(
+    workshop: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(workshop)
+    code = TEXT.split("### Trained generators")[1].split("```bash")[1].split("```")[0]
+    quick = "--preset tiny --set iterations=3 evaluate_every=3"
+    assert "--preset tiny" in code
+    run_commands(code.replace("--preset tiny", quick), capsys)
+    assert io.read("large.tif").shape == (EDGE, EDGE, EDGE)
+
+
 def test_the_code_for_gradation_runs(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     page = (ROOT / "docs" / "shapes_and_gradation.md").read_text(encoding="utf-8")
