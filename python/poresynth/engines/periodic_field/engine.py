@@ -59,7 +59,110 @@ class PeriodicField(NeuralEngine):
 
     Parameters
     ----------
-    preset
+    preset : {"tiny", "small", "paper"}, default "tiny"
+        Where the parameters that are not given come from. ``"tiny"``: a network of 4 × 48 that a
+        minute or two on one core trains. ``"small"``: 6 × 96, ten times as many iterations, for a
+        GPU or a night. ``"paper"``: ipfn_2022 §4 and the authors' code: 10 × 128, Eq. 4 on one
+        aligned lattice, adversarial from the beginning.
+    threshold : float, optional
+        Gray value that parts pore from solid; Otsu's by default.
+    solid : {"bright", "dark"}, default "bright"
+        Which side of the threshold is solid.
+    kind : {"auto", "gray", "binary", "label"}, default "auto"
+        What the values mean. Two values are binary, up to 16 integers labels, all else gray.
+    field : {"auto", "distance", "intensity"}, default "auto"
+        What is learned: signed distances to the surface, clipped, or values. ``"auto"`` takes
+        distances of two clear phases and of labels, values of everything else and of colours.
+    clip : int, default 6
+        Where distances are clipped, pixels or voxels.
+    guidance : {"none", "density", "direction", "map"}, default "none"
+        What the field is conditioned on (Eq. 5): how dense the structure is around a voxel (Eq. 6
+        over a patch of the size of a crop); a line or plane; a map that `fit` is given. Both losses
+        see it, and `sample` chooses it.
+    direction : tuple of float, optional
+        a, b, c of the line a x + b y + c, or a, b, c, d of the plane a x + b y + c z + d, on
+        coordinates from −1 to 1 (§3.3); with guidance "direction".
+    period : {"exemplar", "crop"}, float or tuple of float, default "exemplar"
+        Where the period of the encoding starts: at the peak of the exemplar's autocorrelation along
+        each axis, or four wavelengths where there is no clear peak; at the crop's extent, as the
+        paper's; or at so many pixels or voxels.
+    learn_period : bool, default True
+        Whether a of Eq. 3 is learned; the ablation "w/o deformation" of §4.2 is False with period
+        "crop".
+    shift : {"period", "paper", "none"}, default "period"
+        How coordinates are shifted in training: over one period of the encoding, which is all that
+        there is; by up to 4 half crops (§3); or not (the ablation "w/o shift").
+    bandwidth : int, default 1
+        i of Eq. 3, the highest octave. High ones print a lattice into media without a period.
+    width, depth : int
+        Of the perceptron; 48 and 4 of the preset tiny.
+    latents : int, default 12
+        Numbers of the latent field at a point.
+    groups : int, default 4
+        Lattices that carry them, each shifted by its own fraction of a cell.
+    spacing : float, optional
+        Distance of the sites of a lattice as a phase, 2 being a period. By default 1 where the
+        exemplar has a period and 0.33 where four wavelengths stand for one: half of a wavelength,
+        and two thirds.
+    interpolation : {"gradient", "quintic", "paper"}, default "gradient"
+        Between the sites: slopes or values, by quintics; or Eq. 4, which is not continuous.
+    sigma : float, default 0.2
+        σ of Eq. 4, in cells.
+    crop : int
+        Edge of the crops that the critic sees, and of the patches of Eq. 6; by the preset.
+    sliced_iterations : int, optional
+        Iterations with the sliced-Wasserstein loss; those that follow are adversarial. All by
+        default: it is the faster and steadier one.
+    reach : int
+        Longest distance that the sliced-Wasserstein loss sees, along an axis; by the preset, at
+        most half of the exemplar.
+    grids, filters : int, default 64, 64
+        Grids of points whose responses are compared, and filters of each.
+    taps : (int, int), default (1, 8)
+        Fewest and most points of a filter.
+    places : int, default 1024
+        Independent places of the field that a grid is evaluated at in a step.
+    critic_maps : tuple of int, default (16, 32, 64)
+        Feature maps of the critic's strided convolutions.
+    critic_steps, generator_steps : int, default 1, 1
+        Steps of each in an adversarial iteration.
+    penalty : float, default 10
+        λ of the gradient penalty.
+    iterations, batch, accumulate, learning_rate, schedule, ema, precision, channels_last, \
+compile, device, evaluate_every, patience, training_seed
+        As of `poresynth.engines.neural.parameters.TrainingParameters`.
+    period_rate : float, default 2e-3
+        Learning rate of the period, relative to its start: by Adam it moves at most so far a step.
+    betas : (float, float), default (0.5, 0.9)
+        Of Adam.
+
+    Attributes
+    ----------
+    exemplar_ : Volume
+        The exemplar.
+    parameters_ : FieldParameters
+        All parameters, with those of the preset.
+    threshold_ : float or None
+        Gray value that parts pore from solid; None for labels.
+    porosity_ : float
+        The exemplar's porosity.
+    period_ : tuple of float
+        Learned period along each axis, pixels or voxels.
+    field_, field_reason_ : str
+        What is learned, and why.
+    generator_ : Generator
+        The generator of the best comparison.
+    training_ : dict
+        Iterations, which generator was kept, its figures, seconds, and why the training ended.
+
+    Examples
+    --------
+    >>> from poresynth.engines.periodic_field import PeriodicField
+    >>> from poresynth.exemplars import spinodal
+    >>> engine = PeriodicField(iterations=200, places=128, evaluate_every=100, device="cpu")
+    >>> engine = engine.fit(spinodal((32, 32, 32)))
+    >>> engine.sample((40, 40, 40), seed=1).shape
+    (40, 40, 40)
     """
 
     engine: ClassVar[str] = "ipfn"
@@ -212,6 +315,7 @@ class PeriodicField(NeuralEngine):
         """Make a volume and write it block by block, however large it is.
 
         As `poresynth.engines.neural.engine.NeuralEngine.sample_to`, with the arguments of `sample`.
+        Not for several channels.
         """
         options = FieldOptions(guidance, noise_scale, latent, mirrored, resolution, whole)
         request = self._request(shape, seed, boundary, porosity, None, threads)
