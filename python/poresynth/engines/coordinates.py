@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft, ndimage
 
+from poresynth.engines.interpolation import interpolated
 from poresynth.errors import ParameterError
 from poresynth.volume import Volume
 
@@ -54,7 +55,9 @@ class Coordinates:
 
     def places(self, z: slice) -> _Floats:
         """Return the coordinates of some planes of voxels, shape (3, planes, y, x)."""
-        return np.stack([_interpolated(axis, self.shape, z) for axis in self.nodes])
+        return np.stack(
+            [interpolated(axis, self.shape, planes=z, beyond=True) for axis in self.nodes]
+        )
 
     def domain(self, inside: npt.NDArray[np.bool_] | None) -> npt.NDArray[np.bool_]:
         """Return which voxels of the material the output, or a part of it, is made of."""
@@ -212,7 +215,9 @@ def _on_nodes(
             each = "vectors (z, y, x, 3)" if channels == 3 else "a number, or numbers (z, y, x)"
             what = f"array of shape {values.shape}"
             raise ParameterError(name, what, f"must be {each}, not finer than {shape}")
-        values = np.stack([_interpolated(values[..., c], nodes) for c in range(channels)], axis=-1)
+        values = np.stack(
+            [interpolated(values[..., c], nodes, beyond=True) for c in range(channels)], axis=-1
+        )
     if not np.isfinite(values).all():
         raise ParameterError(name, "NaN or infinite", "must be finite")
     size = np.linalg.norm(values, axis=-1) if channels == 3 else values[..., 0]
@@ -292,19 +297,3 @@ def _deviation(
     angle = float(np.degrees(np.arccos(np.clip(cosine, 0, 1))).mean()) if len(cosine) else 90.0
     sizes = [np.abs(np.linalg.det(jacobian)) ** (-1 / 3) for jacobian in (found, wanted)]
     return angle, float(np.abs(sizes[0] / sizes[1] - 1).mean()) if len(cosine) else 1.0
-
-
-def _interpolated(
-    values: npt.NDArray[np.float32], shape: tuple[int, ...], z: slice | None = None
-) -> _Floats:
-    """Interpolate a coarser field linearly, centre to centre, beyond the outermost centres too."""
-    for axis, n in enumerate(shape):
-        m = values.shape[axis]
-        voxels = np.arange(n)[z if axis == 0 and z is not None else slice(None)]
-        place = (voxels + 0.5) * m / n - 0.5
-        low = np.clip(place.astype(int), 0, max(m - 2, 0))
-        part = (place - low).astype(np.float32) if m > 1 else np.zeros(len(place), np.float32)
-        part = part.reshape([-1 if i == axis else 1 for i in range(3)])
-        first = np.take(values, low, axis)
-        values = first + part * (np.take(values, np.minimum(low + 1, m - 1), axis) - first)
-    return values

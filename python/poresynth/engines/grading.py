@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from poresynth import _core
+from poresynth.engines.interpolation import places
 from poresynth.engines.phases import Phases
 from poresynth.engines.request import Request
 from poresynth.errors import ParameterError
@@ -240,7 +241,7 @@ class _Nodes:
     @classmethod
     def over(cls, shape: tuple[int, ...], block: int) -> _Nodes:
         edges = tuple(max(round(n / max(block, 1)), 1) for n in shape)
-        return cls(edges, tuple(_linear(n, m) for n, m in zip(shape, edges, strict=True)))
+        return cls(edges, tuple(_weights(n, m) for n, m in zip(shape, edges, strict=True)))
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -260,16 +261,13 @@ class _Nodes:
         return np.maximum(np.asarray(sums.transpose(2, 1, 0), np.float64), 1e-6)
 
 
-def _linear(n: int, nodes: int) -> _Floats:
+def _weights(n: int, nodes: int) -> _Floats:
     """Return the weights of linear interpolation from nodes to voxels, shape (n, nodes)."""
-    place = (np.arange(n) + 0.5) * nodes / n - 0.5
-    place = np.clip(place, 0, nodes - 1)
-    low = np.minimum(place.astype(int), max(nodes - 2, 0))
+    low, part = places(n, nodes)
     weights = np.zeros((n, nodes))
-    rows = np.arange(n)
-    weights[rows, low] = 1 - (place - low)
+    weights[np.arange(n), low] = 1 - part
     if nodes > 1:
-        weights[rows, low + 1] = place - low
+        weights[np.arange(n), low + 1] = part
     return weights
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from poresynth.engines.interpolation import interpolated
 from poresynth.errors import ParameterError
 from poresynth.volume import Volume
 
@@ -70,7 +71,7 @@ def as_porosity(
         allowed = f"must not be finer than the output, {shape}"
         raise ParameterError("porosity", f"map of shape {values.shape}", allowed)
     found = _checked(values.astype(np.float32))
-    return None, found if found.shape == shape else _enlarged(found, shape)
+    return None, found if found.shape == shape else interpolated(found, shape)
 
 
 def _checked(values: npt.NDArray[Any]) -> _Map:
@@ -79,16 +80,3 @@ def _checked(values: npt.NDArray[Any]) -> _Map:
         what = f"map from {low:.3g} to {high:.3g}"
         raise ParameterError("porosity", what, "must be above 0 and below 1 everywhere")
     return np.ascontiguousarray(values, np.float32)
-
-
-def _enlarged(values: _Map, shape: tuple[int, int, int]) -> _Map:
-    """Interpolate a coarser map linearly, voxel centre to voxel centre."""
-    for axis, n in enumerate(shape):
-        m = values.shape[axis]
-        place = np.clip((np.arange(n) + 0.5) * m / n - 0.5, 0, m - 1)
-        low = np.minimum(place.astype(int), max(m - 2, 0))
-        part = (place - low).astype(np.float32)
-        part = part.reshape([-1 if i == axis else 1 for i in range(3)])
-        first = np.take(values, low, axis)
-        values = first + part * (np.take(values, np.minimum(low + 1, m - 1), axis) - first)
-    return np.ascontiguousarray(values)
