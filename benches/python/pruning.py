@@ -155,7 +155,8 @@ def main() -> None:
     found = list(rows.values())
     save("pruning", found)
     update_readme("pruning", table(found), "docs/pruning.md")
-    save_picture("pruning", picture(shown))
+    if len(shown) == len(EXEMPLARS):
+        save_picture("pruning", picture(shown))
 
 
 if __name__ == "__main__":

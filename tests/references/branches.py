@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-BEYOND, PLATE, REST = 2.0, 3.0, 0.25
+BEYOND, PLATE, REST, FEW = 2.0, 3.0, 0.25, 100
 ALL = np.ones((3, 3, 3))
 FACES = [(-1, 0, 0), (0, -1, 0), (0, 0, -1), (0, 0, 1), (0, 1, 0), (1, 0, 0)]
 EIGHTEEN = ndimage.generate_binary_structure(3, 2)
@@ -62,36 +62,83 @@ def owned(
     return sorted(found, key=lambda one: (one[0], -one[1], one[2]))
 
 
+def flood(
+    phase: np.ndarray, start: tuple[int, ...], most: int, seen: set[tuple[int, ...]]
+) -> tuple[list[tuple[int, ...]], bool]:
+    """Voxels that hang together with one, until more than ``most``; whether seen ones were met."""
+    piece, own, met, following = [start], {start}, False, 0
+    while following < len(piece) and len(piece) <= most:
+        for step in np.ndindex(3, 3, 3):
+            to = tuple(a + s - 1 for a, s in zip(piece[following], step, strict=True))
+            if phase[to] and to not in own:
+                own.add(to)
+                met |= to in seen
+                seen.add(to)
+                piece.append(to)
+        following += 1
+    return piece, met
+
+
+def take_rest(phase: np.ndarray, left: list[tuple[int, ...]], whole: int) -> int | None:
+    """Take a thread with what hangs on it: how many voxels; None if it holds something together."""
+    seen: set[tuple[int, ...]] = set()
+    for at in left:
+        if at not in seen:
+            seen.add(at)
+            part, met = flood(phase, at, max(whole, FEW), seen)
+            if len(part) <= max(whole, FEW) and not met:
+                return None
+    for at in left:
+        phase[at] = False
+    taken, large = len(left), False
+    seen = set()
+    for at in left:
+        for step in np.ndindex(3, 3, 3):
+            start = tuple(a + s - 1 for a, s in zip(at, step, strict=True))
+            if start == at or not phase[start] or start in seen:
+                continue
+            seen.add(start)
+            piece, met = flood(phase, start, max(whole, FEW), seen)
+            if len(piece) <= max(whole, FEW) and not met:
+                for voxel in piece:
+                    phase[voxel] = False
+                taken += len(piece)
+            elif large and not met:
+                return None
+            else:
+                large = True
+    return taken if taken <= max(whole, FEW) else None
+
+
 def prune(
     phase: np.ndarray, places: np.ndarray, radii: np.ndarray, branches: np.ndarray
 ) -> tuple[np.ndarray, list[int]]:
     """The phase without branches 0, 1, …, and how many voxels each lost."""
     out = np.pad(phase, 1)
     lost = []
-    chosen = [
-        owned(phase, places, radii, branches == b) for b in range(branches.max(initial=-1) + 1)
-    ]
+    count = int(branches.max(initial=-1)) + 1
+    chosen = [owned(phase, places, radii, branches == number) for number in range(count)]
     for number, voxels in enumerate(chosen):
         squares = radii[branches == number].astype(float) ** 2
         tube = np.pi * (squares.sum() + 4 / 3 * np.sqrt(squares.mean()) ** 3) if len(squares) else 0
         if len(voxels) > PLATE * tube:
             lost.append(0)
             continue
-        before, left = out.copy(), voxels
+        before, left = out.copy(), [tuple(i + 1 for i in voxel[2]) for voxel in voxels]
         while True:
             still = []
-            for one in left:
-                at = tuple(i + 1 for i in one[2])
+            for at in left:
                 if simple(out, at):
                     out[at] = False
                 else:
-                    still.append(one)
+                    still.append(at)
             if len(still) == len(left):
                 break
             left = still
-        if len(left) > REST * len(voxels):
+        rest = take_rest(out, left, len(voxels)) if len(left) <= REST * len(voxels) else None
+        if rest is None:
             out = before
             lost.append(0)
         else:
-            lost.append(len(voxels) - len(left))
+            lost.append(len(voxels) - len(left) + rest)
     return out[1:-1, 1:-1, 1:-1], lost

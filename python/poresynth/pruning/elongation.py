@@ -22,6 +22,8 @@ AHEAD = 0.6
 """Least cosine between a branch and the way to the strut: 53°, the half of what is before it."""
 SKIN = 1.5
 """Voxels around a strut whose gray values its surface blurs."""
+WIDER = 1.3
+"""Most by which a copied branch is thicker than that which it continues, where it meets a node."""
 STRETCH = 1.6
 """Most by which a copied branch is lengthened."""
 
@@ -103,14 +105,15 @@ class Stock:
     def likest(self, gap: _Floats, radius: float) -> int | None:
         """Return the branch whose length, thickness and direction are nearest; None if none fits.
 
-        A relative difference of length or thickness counts as much as the same angle in radians.
+        A relative difference of length counts as much as the same angle in radians, one of
+        thickness, which shows, twice as much.
         """
         if not self.paths:
             return None
         length = float(np.linalg.norm(gap))
         stretch = np.maximum(length / self.span, 1)
         cosine = np.abs(self.direction @ (gap / length))
-        cost = np.log(stretch) + np.abs(np.log(self.thickness / max(radius, 1.0)))
+        cost = np.log(stretch) + 2 * np.abs(np.log(self.thickness / max(radius, 1.0)))
         cost += np.arccos(np.clip(cosine, 0, 1))
         cost[stretch > STRETCH] = np.inf
         best = int(np.argmin(cost))
@@ -223,7 +226,7 @@ def _copied(
     high = np.minimum(np.ceil(centres.max(axis=0) + widest) + 1, solid.shape).astype(int)
     places = np.stack(np.meshgrid(*map(np.arange, low, high), indexing="ij"), -1).reshape(-1, 3)
     # Each voxel belongs to the place of the chain that it lies deepest in.
-    ball = stock.radius[tuple(chain.astype(int).T)].astype(float)
+    ball = np.minimum(stock.radius[tuple(chain.astype(int).T)], WIDER * max(radius, 1.0))
     square = distance.cdist(places, centres, "sqeuclidean")
     nearest = np.argmin(square - ball**2, axis=1)
     from_chain = np.take_along_axis(square, nearest[:, None], 1)[:, 0]

@@ -136,7 +136,7 @@ class Standing:
         material = solid.size if inside is None else int(np.count_nonzero(inside))
         sizes = component_sizes(solid, boundary=boundary, threads=threads)
         return cls(
-            1 - np.count_nonzero(solid) / material,
+            float(1 - np.count_nonzero(solid) / material),
             count,
             density,
             euler_density(solid, boundary=boundary, threads=threads).density

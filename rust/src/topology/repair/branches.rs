@@ -5,6 +5,8 @@
 //! ball, such as the edge of a plate, belongs to what it hangs on. Voxels go one after another from the
 //! free end, and only where the topology stays.
 
+use std::collections::HashSet;
+
 use ndarray::{ArrayView3, ArrayViewMut3};
 use rayon::prelude::*;
 
@@ -24,9 +26,11 @@ const EDGE: isize = 10;
 /// which ends in many places and is no strut that hangs loose. Struts of a foam own 1 to 2.5 times as
 /// much, the edges of plates in bone 3.5 and more.
 const PLATE: f32 = 3.0;
-/// Share of a branch's voxels that may remain for the sake of the topology; one that leaves more is no
-/// strut but holds something together.
+/// Share of a branch's voxels that may have to stay for the sake of the topology; one of which more
+/// stays is no strut but holds something together.
 const REST: f32 = 0.25;
+/// Voxels at least that make a piece of the solid large.
+const FEW: usize = 100;
 /// Edge of the boxes in which the places are found again.
 const BOX: usize = 16;
 /// A place of no branch that is to go.
@@ -45,7 +49,7 @@ pub struct Skeleton<'a> {
 /// What becomes of a branch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Manner {
-    /// It goes if it has a free end and is no plate, as far as the topology stays.
+    /// It goes with all that hangs on it, if that is no plate and holds nothing together.
     Prune,
     /// It is cut in its middle, and both stumps go.
     Cut,
@@ -367,18 +371,87 @@ impl Removal<'_, '_> {
     }
 
     fn prune(&mut self, owned: Vec<Owned>, branch: &[u32]) -> u64 {
-        let whole = owned.len() as f32;
-        if whole > PLATE * self.round(branch) {
+        let whole = owned.len();
+        if whole as f32 > PLATE * self.round(branch) {
             return 0;
         }
-        let (taken, left) = self.peel(owned);
-        if left.len() as f32 > REST * whole {
+        let (mut taken, left) = self.peel(owned);
+        if left.len() as f32 > REST * whole as f32 || !self.take_rest(&left, whole, &mut taken) {
             for at in taken {
                 self.scene.add(at);
             }
             return 0;
         }
         taken.len() as u64
+    }
+
+    /// Takes what is left of a branch for the sake of the topology, a thread to voxels beyond it, with
+    /// those voxels. Returns whether that is all that hangs on it: if the thread leads from one large
+    /// piece to another, it holds something together.
+    fn take_rest(&mut self, left: &[Owned], whole: usize, taken: &mut Vec<usize>) -> bool {
+        let most = whole.max(FEW);
+        let mut seen = HashSet::new();
+        for voxel in left {
+            if seen.insert(voxel.at) {
+                let (part, met) = self.flood(voxel.at, most, &mut seen);
+                if part.len() <= most && !met {
+                    // It is a part of its own that would vanish.
+                    return false;
+                }
+            }
+        }
+        for voxel in left {
+            self.scene.take(voxel.at);
+            taken.push(voxel.at);
+        }
+        let mut seen = HashSet::new();
+        let mut rest = left.len();
+        let mut large = false;
+        for voxel in left {
+            let mut beside = Vec::new();
+            self.scene.grid.for_each(voxel.at, &self.scene.around, |_, to| beside.push(to));
+            for start in beside {
+                if !self.scene.phase(start) || !seen.insert(start) {
+                    continue;
+                }
+                let (piece, met) = self.flood(start, most, &mut seen);
+                if piece.len() <= most && !met {
+                    if piece.iter().any(|&at| !self.scene.free(at)) {
+                        return false;
+                    }
+                    for &at in &piece {
+                        self.scene.take(at);
+                    }
+                    rest += piece.len();
+                    taken.extend(piece);
+                } else if large && !met {
+                    return false;
+                } else {
+                    large = true;
+                }
+            }
+        }
+        // No part, of which each has more voxels, vanishes then.
+        rest <= most
+    }
+
+    /// The voxels that hang together with one, until there are more than `most`, and whether they met
+    /// some that were seen before.
+    fn flood(&self, start: usize, most: usize, seen: &mut HashSet<usize>) -> (Vec<usize>, bool) {
+        let mut piece = vec![start];
+        let mut own = HashSet::from([start]);
+        let mut met = false;
+        let mut next = 0;
+        while next < piece.len() && piece.len() <= most {
+            self.scene.grid.for_each(piece[next], &self.scene.around, |_, to| {
+                if self.scene.phase(to) && own.insert(to) {
+                    met |= !seen.insert(to);
+                    piece.push(to);
+                }
+            });
+            next += 1;
+        }
+        (piece, met)
     }
 
     /// The volume of a branch if it were round: a tube along its places, and a ball at its ends.

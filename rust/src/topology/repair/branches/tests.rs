@@ -3,7 +3,6 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::rng::Key;
-use crate::topology::euler::euler_number;
 use crate::topology::labelling::component_sizes;
 
 /// A wall of 5 voxels with a square post on it that ends in the open, and the post's skeleton.
@@ -104,10 +103,9 @@ fn bad_input_is_named() {
 }
 
 proptest! {
-    /// Whatever is called a branch, pruning changes nothing but voxels without which the topology is
-    /// the same.
+    /// Whatever is called a branch, pruning parts nothing and makes nothing vanish.
     #[test]
-    fn pruning_keeps_the_topology(
+    fn pruning_keeps_what_hangs_together(
         shape in (1..9usize, 1..9usize, 1..14usize),
         fraction in 0.1..0.95f32,
         seed: u64,
@@ -132,13 +130,11 @@ proptest! {
         let size = |phase: &Array3<bool>| phase.iter().filter(|&&in_phase| in_phase).count();
         prop_assert_eq!(size(&phase) - size(&out), lost.iter().sum::<u64>() as usize);
         prop_assert!(phase.iter().zip(&out).all(|(&before, &after)| before || !after));
-        let numbers = |phase: &Array3<bool>| {
+        let parts = |phase: &Array3<bool>| {
             let (corners, open) = (Connectivity::Corners, Boundary::Open);
-            let silent = Monitor::silent();
-            let sizes = component_sizes(phase.view(), corners, open, &silent).unwrap();
-            (sizes.len(), euler_number(phase.view(), corners, open, &silent).unwrap())
+            component_sizes(phase.view(), corners, open, &Monitor::silent()).unwrap().len()
         };
-        prop_assert_eq!(numbers(&out), numbers(&phase));
+        prop_assert_eq!(parts(&out), parts(&phase));
         let fortran = phase.t().as_standard_layout().into_owned().reversed_axes();
         prop_assert_eq!(removed(&fortran, &skeleton, Manner::Prune), (out, lost));
     }
