@@ -57,7 +57,7 @@ def pyvista(gray: np.ndarray, level: float) -> Mesh:
 def checked(gray: np.ndarray, level: float) -> Mesh:
     """Lay the surface, and check it but for crossings, which it cannot have."""
     mesh = isosurface(gray, level)
-    assert check(mesh, crossings=False).printable
+    assert check(mesh, find_crossings=False).printable
     return mesh
 
 

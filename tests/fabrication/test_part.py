@@ -191,6 +191,20 @@ def test_smoothing_and_simplification_are_checked() -> None:
     assert plain.report.crossings == moved.report.crossings == 0
 
 
+def test_a_simplification_that_makes_crossings_is_done_with_less() -> None:
+    from scipy import ndimage
+
+    from poresynth.meshes import isosurface, simplify
+    from poresynth.meshes.crossings import crossings
+
+    noise = ndimage.gaussian_filter(np.random.default_rng(3).standard_normal((28, 28, 28)), 1.2)
+    part = make_part(Volume(noise.astype(np.float32)), threshold=0, keep="all")
+    assert len(crossings(simplify(isosurface(part.field), 1.0)))
+    surface = surface_of(part, tolerance=1.0)
+    assert check(surface.mesh).printable
+    assert surface.report.triangles < 0.8 * surface_of(part).report.triangles
+
+
 # Patches
 
 

@@ -8,7 +8,7 @@ import trimesh
 
 from poresynth.errors import ParameterError
 from poresynth.meshes import Mesh, check, isosurface, simplify, smooth
-from poresynth.meshes.crossings import count_crossings
+from poresynth.meshes.crossings import crossings
 
 
 def box(size: float = 2.0, shift: float = 0.0) -> Mesh:
@@ -74,12 +74,12 @@ def test_boxes_that_overlap_cross(shift: float) -> None:
     report = check(mesh)
     assert report.crossings
     assert not report.printable
-    assert check(mesh, crossings=False).crossings is None
+    assert check(mesh, find_crossings=False).crossings is None
 
 
 @pytest.mark.parametrize("shift", [2.0, 2.5])
 def test_boxes_beside_each_other_do_not(shift: float) -> None:
-    assert count_crossings(joined(box(), box(shift=shift))) == 0
+    assert len(crossings(joined(box(), box(shift=shift)))) == 0
 
 
 def test_crossings_are_those_of_a_plain_loop(rng: np.random.Generator) -> None:
@@ -112,7 +112,7 @@ def test_crossings_are_those_of_a_plain_loop(rng: np.random.Generator) -> None:
         wanted += any(passes(p, q, other) for p, q, other in edges)
     faces = np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3)
     assert wanted > 5
-    assert count_crossings(Mesh(corners.reshape(-1, 3).astype(float), faces)) == wanted
+    assert len(crossings(Mesh(corners.reshape(-1, 3).astype(float), faces))) == wanted
 
 
 def test_crossings_can_be_stopped() -> None:
@@ -171,6 +171,24 @@ def test_smoothing_keeps_cut_faces_flat() -> None:
     assert (smooth(half, 10).vertices[flat, 2] == 0).all()
     corner = isosurface(np.ones((2, 2, 2)))
     assert (smooth(corner, 5).bounds == corner.bounds).all()
+
+
+def test_smoothing_leaves_no_crossings() -> None:
+    """Thin walls and gaps, where plain smoothing makes some."""
+    from scipy import ndimage
+
+    from poresynth.meshes.smoothing import GROW, SHRINK, _neighbour_mean
+
+    noise = np.random.default_rng(0).standard_normal((20, 20, 20))
+    mesh = isosurface(ndimage.gaussian_filter(noise, 0.8))
+    plain, mean = mesh.vertices.copy(), _neighbour_mean(mesh)
+    for _ in range(20):
+        for step in (SHRINK, GROW):
+            plain += np.float32(step) * (mean @ plain - plain)
+    assert len(crossings(mesh.with_vertices(plain)))
+    smoothed = smooth(mesh, 20)
+    assert check(smoothed).printable
+    assert check(smoothed).area < 0.95 * check(mesh).area
 
 
 def test_smoothing_by_nothing_and_by_less() -> None:

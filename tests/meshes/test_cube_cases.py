@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from poresynth.meshes import Mesh
-from poresynth.meshes.crossings import count_crossings
+from poresynth.meshes.crossings import crossings
 from poresynth.meshes.cube_cases import EDGES, cube_cases
 from poresynth.meshes.isosurface import NEAREST
 
@@ -86,4 +86,4 @@ def test_triangles_of_a_cube_do_not_cross(case: int, rng: np.random.Generator) -
     shares = np.clip(shares, NEAREST, 1 - NEAREST)
     cubes = [positions(each) + 3.0 * i for i, each in enumerate(shares)]
     many = np.concatenate([faces + 12 * i for i in range(len(cubes))])
-    assert count_crossings(Mesh(np.concatenate(cubes), many)) == 0
+    assert len(crossings(Mesh(np.concatenate(cubes), many))) == 0

@@ -54,7 +54,7 @@ def test_shells_are_the_parts_of_the_voxels(field: np.ndarray) -> None:
     solid = field > 0
     parts = ndimage.label(solid, ndimage.generate_binary_structure(3, 2))[1]
     _, pores = ndimage.label(np.pad(~solid, 1, constant_values=True))
-    assert check(isosurface(field), crossings=False).shells == parts + pores - 1
+    assert check(isosurface(field), find_crossings=False).shells == parts + pores - 1
 
 
 @given(fields)
@@ -73,27 +73,6 @@ def test_slabs_change_nothing(field: np.ndarray, slab_voxels: int) -> None:
     whole, slabs = isosurface(field), isosurface(field, slab_voxels=slab_voxels)
     np.testing.assert_array_equal(whole.vertices, slabs.vertices)
     np.testing.assert_array_equal(whole.faces, slabs.faces)
-
-
-@given(fields)
-def test_the_pore_has_the_rest_of_the_volume(field: np.ndarray) -> None:
-    """With values at the level on neither side; joins at edges are the solid's in both."""
-    field = np.where(np.abs(field) < 0.5, np.float32(0.5), field)
-    edge_joins = _joins_by_edges(field > 0)
-    both = check(isosurface(field), crossings=False).volume
-    both += check(isosurface(-field), crossings=False).volume
-    assert both == pytest.approx(field.size, rel=1e-5) or edge_joins
-
-
-def _joins_by_edges(solid: np.ndarray) -> bool:
-    """Whether some face between four voxels has solid on one diagonal only."""
-    padded = np.pad(solid, 1, mode="edge")
-    for axis in range(3):
-        p = np.moveaxis(padded, axis, 0)
-        a, b, c, d = p[:, :-1, :-1], p[:, 1:, :-1], p[:, 1:, 1:], p[:, :-1, 1:]
-        if ((a == c) & (b == d) & (a != b)).any():
-            return True
-    return False
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 1), (1, 1, 5), (2, 3, 4), (7, 1, 2)])

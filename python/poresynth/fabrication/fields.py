@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from poresynth.metrics.structure import Structure
 
-__all__ = ["Field", "field_of_gray", "field_of_voxels"]
+__all__ = ["Field", "field_of_gray", "field_of_voxels", "keep_firm"]
 
 Field = npt.NDArray[np.float32]
 
@@ -52,10 +52,15 @@ def field_of_voxels(solid: npt.NDArray[np.bool_]) -> Field:
     field = solid.astype(np.float32)
     ndimage.gaussian_filter(field, SMOOTHING, mode="nearest", truncate=3, output=field)
     field -= np.float32(0.5)
-    for plane, inside in zip(field, solid, strict=True):
-        np.maximum(plane, np.float32(FIRM), out=plane, where=inside)
-        np.minimum(plane, np.float32(-FIRM), out=plane, where=~inside)
+    keep_firm(field, solid)
     return field
+
+
+def keep_firm(field: Field, solid: npt.NDArray[np.bool_], least: float = FIRM) -> None:
+    """Put each voxel on its own side, ``least`` away from the surface, in place."""
+    for plane, inside in zip(field, solid, strict=True):
+        np.maximum(plane, np.float32(least), out=plane, where=inside)
+        np.minimum(plane, np.float32(-least), out=plane, where=~inside)
 
 
 def field_of_gray(gray: npt.NDArray[Any], structure: Structure) -> Field:
@@ -84,8 +89,5 @@ def field_of_gray(gray: npt.NDArray[Any], structure: Structure) -> Field:
     field -= np.float32(structure.threshold)
     field /= np.float32(inside - outside)
     # Grays at the threshold itself are on the side on which the structure counts them.
-    least = np.float32(np.finfo(np.float32).tiny)
-    for plane, own in zip(field, solid, strict=True):
-        np.maximum(plane, least, out=plane, where=own)
-        np.minimum(plane, -least, out=plane, where=~own)
+    keep_firm(field, solid, float(np.finfo(np.float32).tiny))
     return field

@@ -142,18 +142,11 @@ class FabricationReport:
                 f"{part.thickening.weak_places_after} places are still thinner than "
                 f"{part.thickening.minimum:g} {part.unit}: the shape leaves no room there"
             )
-        if self.surface is not None:
-            if not self.surface.report.printable:
-                said.append(
-                    "the surface crosses itself: smooth less, or allow less deviation"
-                    if self.surface.report.crossings
-                    else "the surface is not closed"
-                )
-            if not self.surface.agrees:
-                said.append(
-                    "volume or area of the surface differ from those of the voxels by more than "
-                    "usual: its features are hardly wider than a voxel, or it was smoothed too much"
-                )
+        if self.surface is not None and not self.surface.agrees:
+            said.append(
+                "volume or area of the surface differ from those of the voxels by more than usual: "
+                "its features are hardly wider than a voxel, or it was smoothed too much"
+            )
         return said
 
     def to_dict(self) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from poresynth.errors import ParameterError
-from poresynth.fabrication.fields import Field
+from poresynth.fabrication.fields import Field, keep_firm
 from poresynth.metrics import component_sizes, distance_transform, local_thickness
 
 __all__ = ["Thickening", "Weakness", "thicken", "weakness"]
@@ -342,6 +342,7 @@ def _grown(
     away /= np.float32(-2 * coarsest)
     np.maximum(grown, away, out=grown)
     np.maximum(grown, field, out=grown)
+    keep_firm(grown, grown > 0)
     if domain is not None:
         near &= domain
     return np.where(near, grown, field)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from poresynth.meshes.crossings import Progress, count_crossings
+from poresynth.meshes.crossings import Progress, crossings
 from poresynth.meshes.mesh import Mesh
 
 __all__ = ["EdgeCounts", "MeshReport", "area", "check", "count_edges", "volume"]
@@ -95,16 +95,18 @@ class MeshReport:
         return {**asdict(self), "size": list(self.size), "printable": self.printable}
 
 
-def check(mesh: Mesh, *, crossings: bool = True, progress: Progress | None = None) -> MeshReport:
+def check(
+    mesh: Mesh, *, find_crossings: bool = True, progress: Progress | None = None
+) -> MeshReport:
     """Check a mesh.
 
     Parameters
     ----------
     mesh : Mesh
         The mesh.
-    crossings : bool, default True
+    find_crossings : bool, default True
         Whether to look for triangles that pass through each other: some 10 s a million triangles.
-        `isosurface` makes none; smoothing and simplification may.
+        `isosurface` and `smooth` leave none; simplification may.
     progress : callable, optional
         ``progress(stage, fraction)``; what it raises ends the work.
 
@@ -115,7 +117,7 @@ def check(mesh: Mesh, *, crossings: bool = True, progress: Progress | None = Non
     Notes
     -----
     Volume by the divergence theorem: the sum over triangles of a · (b × c) / 6. Peak memory: 50
-    bytes a triangle, and as for `count_crossings`.
+    bytes a triangle, and as for `crossings`.
     """
     edges = count_edges(mesh.faces)
     inside = volume(mesh)
@@ -129,7 +131,7 @@ def check(mesh: Mesh, *, crossings: bool = True, progress: Progress | None = Non
         open_edges=edges.open,
         crowded_edges=edges.crowded,
         twisted_edges=edges.twisted,
-        crossings=count_crossings(mesh, progress=progress) if crossings else None,
+        crossings=len(crossings(mesh, progress=progress)) if find_crossings else None,
         shells=_shells(mesh),
         euler_characteristic=len(mesh.vertices) - edges.edges + len(mesh.faces),
         volume=inside,

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from poresynth.meshes.mesh import Mesh
 
-__all__ = ["Progress", "count_crossings"]
+__all__ = ["Progress", "crossings"]
 
 Progress = Callable[[str, float], object]
 
@@ -23,8 +23,8 @@ _Indices = npt.NDArray[np.int64]
 _Corners = npt.NDArray[np.float64]
 
 
-def count_crossings(mesh: Mesh, *, progress: Progress | None = None) -> int:
-    """Count the pairs of triangles of which an edge of one passes through the other.
+def crossings(mesh: Mesh, *, progress: Progress | None = None) -> npt.NDArray[np.int64]:
+    """Return the pairs of triangles of which an edge of one passes through the other.
 
     Parameters
     ----------
@@ -35,8 +35,9 @@ def count_crossings(mesh: Mesh, *, progress: Progress | None = None) -> int:
 
     Returns
     -------
-    int
-        Triangles that share an edge are not tested: they could only lie on each other.
+    numpy.ndarray of int64
+        Shape (n, 2). Triangles that share an edge are not tested: they could only lie on each
+        other.
 
     Notes
     -----
@@ -50,16 +51,16 @@ def count_crossings(mesh: Mesh, *, progress: Progress | None = None) -> int:
     extent = (high - low).max(axis=1)
     smallest = extent[extent > 0].min(initial=np.inf)
     if not np.isfinite(smallest):
-        return 0
+        return np.zeros((0, 2), dtype=np.int64)
     grid = np.ceil(np.log2(np.maximum(extent, smallest) / smallest)).astype(np.int64)
-    found = 0
+    found = [np.zeros((0, 2), dtype=np.int64)]
     sizes = np.unique(grid)
     for step, size in enumerate(sizes):
         for first, second in _neighbours(low, high, grid, size, float(smallest * 2.0**size)):
-            found += len(_crossing(mesh.faces, corners, first, second)[0])
+            found.append(np.stack(_crossing(mesh.faces, corners, first, second), axis=1))
             if progress is not None:
                 progress("self-intersections", step / len(sizes))
-    return found
+    return np.concatenate(found)
 
 
 def _neighbours(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from poresynth.errors import ParameterError
+from poresynth.meshes.crossings import Progress, crossings
 from poresynth.meshes.mesh import Mesh
 
 __all__ = ["smooth"]
@@ -15,8 +16,6 @@ __all__ = ["smooth"]
 # Steps towards the mean of the neighbours and back, of Taubin's paper: waves longer than about ten
 # edges keep their height (the pass band is 1/SHRINK + 1/GROW = 0.1).
 SHRINK, GROW = 0.5, -1 / 1.9
-
-Progress = Callable[[str, float], object]
 
 
 def smooth(mesh: Mesh, iterations: int, *, progress: Progress | None = None) -> Mesh:
@@ -45,8 +44,9 @@ def smooth(mesh: Mesh, iterations: int, *, progress: Progress | None = None) -> 
     Notes
     -----
     Taubin (SIGGRAPH 1995): each vertex moves towards the mean of its neighbours by a share λ, then
-    back by a slightly larger share −μ. Neighbouring surfaces may come to cross; `check` counts it.
-    Peak memory: 60 bytes a triangle.
+    back by a slightly larger share −μ. Where that makes triangles cross, which were apart before,
+    their vertices are put back, and in a second round their neighbours, until none cross. Peak
+    memory: 60 bytes a triangle, and as for `crossings`.
     """
     if iterations < 0:
         raise ParameterError("iterations", iterations, "must be at least 0")
@@ -63,7 +63,27 @@ def smooth(mesh: Mesh, iterations: int, *, progress: Progress | None = None) -> 
             vertices += np.float32(step) * free * (mean @ vertices - vertices)
         if progress is not None:
             progress("smoothing", (i + 1) / iterations)
-    return mesh.with_vertices(vertices)
+    return _untangled(mesh, vertices, mean, progress)
+
+
+def _untangled(
+    mesh: Mesh, vertices: npt.NDArray[Any], mean: Any, progress: Progress | None
+) -> Mesh:
+    """Put the vertices of triangles that cross back to where they were, and wider if need be."""
+    back = np.zeros(len(vertices), dtype=bool)
+    while True:
+        moved = mesh.with_vertices(np.where(back[:, None], mesh.vertices, vertices))
+        tangled = mesh.faces[crossings(moved, progress=progress)].ravel()
+        fresh = tangled[~back[tangled]]
+        if not len(tangled):
+            return moved
+        back[tangled] = True
+        if not len(fresh):
+            # They cross what still moves around them.
+            wider = (mean @ back.astype(np.float32)) > 0
+            if (wider <= back).all():
+                return moved
+            back |= wider
 
 
 def _neighbour_mean(mesh: Mesh) -> Any:
