@@ -200,7 +200,7 @@ def test_known_voxels_stay(example: Path, folder: Path) -> None:
 
 def test_outside_the_mask_nothing_is_made(example: Path, folder: Path) -> None:
     mask = np.zeros((20, 18, 16), dtype=bool)
-    mask[4:16, 4:16, 4:14] = True
+    mask[2:18, 2:17, 1:15] = True
     io.write("mask.npy", mask)
     new = synthesize(example, "--mask", "mask.npy")
     assert len(np.unique(new[~mask])) == 1

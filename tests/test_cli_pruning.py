@@ -104,7 +104,7 @@ def test_a_body_smaller_than_the_features_is_refused(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     z, y, x = np.indices((40, 40, 40)) - 19.5
-    io.write("ball.tif", Volume((z**2 + y**2 + x**2 < 8**2).astype(np.uint8)))
+    io.write("ball.tif", Volume((z**2 + y**2 + x**2 < 5**2).astype(np.uint8)))
     words = ["foam.tif", "-o", "new.tif", "--shape", 40, 40, 40, "--mask", "ball.tif"]
     assert main(["synthesize", *map(str, words)]) == 2
     assert "must be wider than the features" in capsys.readouterr().err

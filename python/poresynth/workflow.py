@@ -237,7 +237,8 @@ def _check_room(domain: Domain, exemplar: Volume, engine: Synthesizer) -> None:
     threshold = getattr(engine, "threshold_", None)
     if threshold is not None:
         structure = exemplar.array if exemplar.array.ndim == 3 else exemplar.array[..., 0]
-        feature = feature_size(structure > threshold) * min(exemplar.voxel_size)
+        # Half of a solid and a pore intercept together: the mean size of one of them.
+        feature = feature_size(structure > threshold) / 2 * min(exemplar.voxel_size)
         check_room(domain.mask, feature)
 
 

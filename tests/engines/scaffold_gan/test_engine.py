@@ -261,7 +261,7 @@ def test_the_map_of_levels_is_the_ranking(solid: str) -> None:
 
     exemplar = gray() if solid == "bright" else 255 - gray()
     engine = ScaffoldGAN(**MICRO, solid=solid)
-    engine._learn(Volume(exemplar), engine._resolve())
+    engine._learn(Volume(exemplar))
     field = np.tanh(np.random.default_rng(0).normal(0, 1, (1, 40, 40, 40))).astype(np.float32)
     counts = np.bincount(to_levels(field[0]).ravel(), minlength=LEVELS)
     level_map = LevelMap(engine._scaling, exemplar, counts)

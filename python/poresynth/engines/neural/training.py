@@ -192,8 +192,23 @@ def train(
     with processes(parameters.device):
         run = _Run(step, parameters, folder, dict(identity or {}), exemplar, progress)
         # Of cuDNN's algorithms, those that give the same bits again.
-        with torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True):
+        flags = torch.backends.cudnn.flags(enabled=True, benchmark=False, deterministic=True)
+        with flags, _same_sums(run.machine.device):
             return run.go(resume)
+
+
+@contextmanager
+def _same_sums(device: torch.device) -> Iterator[None]:
+    """Let the threads of a CPU add gradients of gathered values in one order.
+
+    GPUs have no such algorithms for some operations, and would refuse them.
+    """
+    before = torch.are_deterministic_algorithms_enabled()
+    torch.use_deterministic_algorithms(before or device.type == "cpu")
+    try:
+        yield
+    finally:
+        torch.use_deterministic_algorithms(before)
 
 
 class _Run:
