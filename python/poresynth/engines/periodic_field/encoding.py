@@ -30,6 +30,6 @@ def encode(phase: Tensor, bandwidth: int) -> Tensor:
     Tensor
         Shape (…, 2 (bandwidth + 1)): cos(2⁰π a c), sin(2⁰π a c), …, cos(2^i π a c), sin(2^i π a c).
     """
-    octaves = math.pi * 2.0 ** torch.arange(bandwidth + 1, dtype=phase.dtype, device=phase.device)
+    octaves = phase.new_tensor([math.pi * 2**octave for octave in range(bandwidth + 1)])
     angle = phase[..., None] * octaves  # (…, octave)
     return torch.stack([angle.cos(), angle.sin()], dim=-1).flatten(-2)

@@ -67,8 +67,11 @@ class LatentField:
         root = 1.5
         for _ in range(64):
             root = (1 + root) ** (1 / (self.axes + 1))
-        powers = root ** -torch.arange(1, self.axes + 1, dtype=torch.float64)
-        return torch.arange(self.groups, dtype=torch.float64)[:, None] * powers % 1.0
+        rows = [
+            [group / root ** (axis + 1) % 1.0 for axis in range(self.axes)]
+            for group in range(self.groups)
+        ]
+        return torch.tensor(rows, dtype=torch.float64)
 
     def __call__(
         self,

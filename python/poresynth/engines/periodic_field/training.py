@@ -24,8 +24,9 @@ from poresynth.engines.periodic_field.windows import draw_windows, grid_phases
 
 __all__ = ["FieldStep"]
 
-NODES = {2: 8, 3: 4}
-"""Lines along each axis of the grids of the sliced-Wasserstein loss: 64 points, in both."""
+NODES = 4
+"""Lines along each axis of the grids of the sliced-Wasserstein loss. Filters on 8 × 8 points have
+their taps too far apart to see neighbours: they let a fine lattice pass."""
 
 # What a seed drawn from that of the training is for.
 _FILTERS = 2
@@ -97,7 +98,7 @@ class FieldStep:
             self._responses = ResponseLoss(
                 self._exemplar,
                 reach=p.reach,
-                nodes=NODES[self._exemplar.ndim - 1],
+                nodes=NODES,
                 grids=p.grids,
                 filters=p.filters,
                 taps=p.taps,
