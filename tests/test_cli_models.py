@@ -115,6 +115,17 @@ def test_a_periodic_volume_and_a_report() -> None:
     assert io.read("new.tif").metadata["poresynth"]["boundary"] == "periodic"
 
 
+def test_a_sample_is_graded_and_pruned(capsys: pytest.CaptureFixture[str]) -> None:
+    train()
+    words = ["--shape", 36, 30, 30, "--porosity", "z=0.45:0.65", "--prune"]
+    run("sample", "model", "-o", "new.tif", *words)
+    origin = json.loads(Path("new.tif.json").read_text())["poresynth"]
+    assert origin["pruning"]["after"]["components"] <= origin["pruning"]["before"]["components"]
+    assert origin["pruning"]["after"]["porosity"] == pytest.approx(0.55, abs=0.01)
+    assert "--porosity z=0.45:0.65 --prune" in origin["command"]
+    assert "prune" in refused(capsys, "sample", "model", "-o", "b.zarr", *words, "--blockwise")
+
+
 def test_synthesize_trains_and_samples(capsys: pytest.CaptureFixture[str]) -> None:
     settings = [*MICRO, "iterations=6"]
     run("synthesize", "example.tif", "-o", "new.tif", "--engine", "scaffoldgan", "--shape", 24, 20,

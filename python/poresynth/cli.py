@@ -271,8 +271,9 @@ def sample(
     shape: tuple[int, int, int],
     seed: int = 0,
     periodic: Annotated[bool, Parameter(negative="--open")] = False,
-    porosity: float | None = None,
+    porosity: str | None = None,
     cut_at: Literal["porosity", "exemplar"] = "porosity",
+    prune: Annotated[bool, Parameter(negative="")] = False,
     blockwise: bool = False,
     device: str = "auto",
     threads: Threads = 0,
@@ -302,10 +303,14 @@ def sample(
     periodic
         The new volume tiles without a seam.
     porosity
-        Wanted porosity, 0 to 1. [default: the exemplar's own]
+        Wanted porosity: a number, AXIS=FROM:TO, or a volume, as for `poresynth synthesize`.
+        [default: the exemplar's own]
     cut_at
         porosity: as the exemplar has it, exactly; exemplar: at the exemplar's threshold, with the
         porosity that the network came to. Both are reported.
+    prune
+        Remove or connect loose ends and floating parts, until there are as many by volume as in
+        the exemplar.
     blockwise
         Make and write it block by block, in bounded memory: .tif or .zarr, no report.
     device
@@ -324,8 +329,9 @@ def sample(
         shape=shape,
         seed=seed,
         boundary="periodic" if periodic else "open",
-        porosity=porosity,
+        porosity=_number(porosity),
         cut_at=cut_at,
+        prune=prune,
         blockwise=blockwise,
         device=device,
         threads=threads,

@@ -111,8 +111,9 @@ def sample(
     shape: tuple[int, int, int],
     seed: int,
     boundary: Literal["open", "periodic"],
-    porosity: float | None,
+    porosity: float | str | None,
     cut_at: Literal["porosity", "exemplar"],
+    prune: bool,
     blockwise: bool,
     device: str,
     threads: int,
@@ -127,8 +128,12 @@ def sample(
         The folder of a training, or its ``.safetensors`` file.
     output : Path
         The new volume.
-    shape, seed, boundary, porosity, cut_at, threads
+    shape, seed, boundary, cut_at, threads
         As of `poresynth.engines.neural.engine.NeuralEngine.sample`.
+    porosity : float or str, optional
+        A number, or a map as `poresynth.workflow.field_of` takes it.
+    prune : bool
+        Prune the volume until it has the exemplar's loose ends and Euler number.
     blockwise : bool
         Make and write it block by block, in bounded memory; then nothing is compared.
     device : str
@@ -144,18 +149,23 @@ def sample(
         If anything is wrong with the run; no output is then left.
     """
     from poresynth import io
+    from poresynth.config import PruneConfig
     from poresynth.engines import load_model
 
     if blockwise and report is not None:
         raise ParameterError("report", report, "needs the whole volume: not with --blockwise")
+    if blockwise and prune:
+        raise ParameterError("prune", prune, "needs the whole volume: not with --blockwise")
     wanted: dict[str, Any] = {
         "seed": seed,
         "boundary": boundary,
-        "porosity": porosity,
+        "porosity": workflow.field_of("porosity", porosity, shape),
         "cut_at": cut_at,
         "threads": threads,
     }
-    command = _command(model, output, shape, seed, boundary, porosity, cut_at, blockwise, options)
+    command = _command(
+        model, output, shape, seed, boundary, porosity, cut_at, prune, blockwise, options
+    )
     origin = {
         "configuration": {"model": str(model), "shape": list(shape), "seed": seed},
         "command": command,
@@ -171,6 +181,15 @@ def sample(
                     console.result(f"{name}: {value:.4f}")
                 return
             volume = engine.sample(shape, progress=progress, **wanted)
+        if prune:
+            volume = workflow.prune_new(
+                volume,
+                PruneConfig(),
+                exemplar=engine.exemplar_,
+                boundary=boundary,
+                threads=threads,
+                report=report,
+            )
         volume.metadata["poresynth"].update(origin)
         io.write(output, volume)
         console.result(f"new volume: {output}")
@@ -203,8 +222,9 @@ def _command(
     shape: tuple[int, int, int],
     seed: int,
     boundary: str,
-    porosity: float | None,
+    porosity: float | str | None,
     cut_at: str,
+    prune: bool,
     blockwise: bool,
     options: Mapping[str, Any],
 ) -> str:
@@ -213,6 +233,7 @@ def _command(
     words += ["--seed", str(seed), "--cut-at", cut_at]
     words += ["--periodic"] if boundary == "periodic" else []
     words += ["--porosity", str(porosity)] if porosity is not None else []
+    words += ["--prune"] if prune else []
     words += ["--blockwise"] if blockwise else []
     if options:
         # What JSON writes is TOML, too.

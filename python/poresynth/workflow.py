@@ -27,9 +27,11 @@ __all__ = [
     "TRAINED_ENGINES",
     "compare",
     "crop",
+    "field_of",
     "judge",
     "measure",
     "prune",
+    "prune_new",
     "read",
     "read_exemplar",
     "read_exemplars",
@@ -118,7 +120,17 @@ def synthesize(run: RunConfig, output: Path, threads: int, report: Path | None) 
         domain = read_mask(run, exemplars[0])
         volume = _sample(run, exemplars, domain, threads)
         if run.prune is not None:
-            volume = _prune_new(run, exemplars, volume, domain, threads, report)
+            known = None if run.known_mask is None else read(Path(run.known_mask)).array != 0
+            volume = prune_new(
+                volume,
+                run.prune,
+                exemplar=None if run.engine in IMAGE_ENGINES else exemplars[0],
+                boundary=run.boundary,
+                known_mask=known,
+                domain=None if domain is None else domain.mask.array,
+                threads=threads,
+                report=report,
+            )
         origin = volume.metadata["poresynth"]
         origin["configuration"] = run.saved(digests)
         origin["command"] = run.command(output)
@@ -216,7 +228,7 @@ def _sample(
             run.shape,
             seed=run.seed,
             boundary=run.boundary,
-            porosity=_field_of(run, "porosity"),
+            porosity=field_of("porosity", run.porosity, run.shape),
             **directions,
             known=known,
             known_mask=None if known_mask is None else known_mask != 0,
@@ -276,7 +288,7 @@ def _directions(run: RunConfig) -> dict[str, Any]:
     """Return how structure turns and scales, for engines that can do it."""
     given: dict[str, Any] = {}
     if run.scale is not None:
-        given["scale"] = _field_of(run, "scale")
+        given["scale"] = field_of("scale", run.scale, run.shape)
     if run.orientation is not None:
         given["orientation"] = read(Path(run.orientation)).array
         given["orientation_axis"] = run.orientation_axis
@@ -287,11 +299,10 @@ def _directions(run: RunConfig) -> dict[str, Any]:
     return given
 
 
-def _field_of(run: RunConfig, name: Literal["porosity", "scale"]) -> Any:
-    """Return a number, or a map: from a file, or linear from face to face."""
+def field_of(name: str, wanted: float | str | None, shape: tuple[int, int, int]) -> Any:
+    """Return a number, or a map of a volume: from a file, or linear from face to face."""
     import numpy as np
 
-    wanted = getattr(run, name)
     if not isinstance(wanted, str):
         return wanted
     found = re.fullmatch(r"([zyx])=([^:=]+):([^:=]+)", wanted)
@@ -303,37 +314,41 @@ def _field_of(run: RunConfig, name: Literal["porosity", "scale"]) -> Any:
         allowed = "must be a number, a map's path, or AXIS=FROM:TO such as z=0.6:0.9"
         raise ParameterError(name, wanted, allowed) from None
     along = "zyx".index(found[1])
-    shape = [run.shape[axis] if axis == along else 1 for axis in range(3)]
+    edges = [shape[axis] if axis == along else 1 for axis in range(3)]
     # Linear from face to face; the outermost voxels' centres lie half a voxel inside.
-    places = (np.arange(run.shape[along]) + 0.5) / run.shape[along]
-    return np.broadcast_to((first + (last - first) * places).reshape(shape), run.shape)
+    places = (np.arange(shape[along]) + 0.5) / shape[along]
+    return np.broadcast_to((first + (last - first) * places).reshape(edges), shape)
 
 
-def _prune_new(
-    run: RunConfig,
-    exemplars: Sequence[Volume],
+def prune_new(
     volume: SynthesizedVolume,
-    domain: Domain | None,
-    threads: int,
-    report: Path | None,
+    how: PruneConfig,
+    *,
+    exemplar: Volume | None,
+    boundary: Literal["open", "periodic"],
+    known_mask: Any = None,
+    domain: Any = None,
+    threads: int = 0,
+    report: Path | None = None,
 ) -> SynthesizedVolume:
-    """Prune a new volume; its provenance says so."""
+    """Prune a new volume, cut as its exemplar was; its provenance says so.
+
+    The parameters are those of `prune`; known voxels stay.
+    """
     from dataclasses import replace
 
-    assert run.prune is not None
     origin = volume.metadata["poresynth"]
     learned = origin["exemplar"]
     cut = learned[0] if isinstance(learned, list) else learned
-    known_mask = None if run.known_mask is None else read(Path(run.known_mask)).array != 0
     pruned = prune(
         volume,
-        run.prune,
-        exemplar=None if run.engine in IMAGE_ENGINES else exemplars[0],
+        how,
+        exemplar=exemplar,
         threshold=cut["threshold"],
         solid=cut["solid"],
-        boundary=run.boundary,
+        boundary=boundary,
         free=None if known_mask is None else ~known_mask,
-        domain=None if domain is None else domain.mask.array,
+        domain=domain,
         threads=threads,
         report=report,
     )

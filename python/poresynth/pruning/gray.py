@@ -14,7 +14,7 @@ __all__ = ["repaint"]
 DEPTHS = 3
 """Layers from the surface on in which gray values differ: blur of scans reaches no further."""
 
-TRIM = 0.01
+TRIM = 0.05
 """Highest and lowest ranks that are not given: faint remains of structures below the threshold."""
 
 
