@@ -13,15 +13,28 @@ from poresynth.engines.periodic_field.adversarial import (
     gradient_penalty,
 )
 from poresynth.engines.periodic_field.critic import Critic
+from poresynth.engines.periodic_field.encoding import diagonals
 from poresynth.engines.periodic_field.generator import Generator
 from poresynth.errors import ParameterError
 
 
 @pytest.mark.parametrize("axes", [2, 3])
 @pytest.mark.parametrize("guides", [0, 2])
-def test_the_generator_is_a_perceptron_at_every_point(axes: int, guides: int) -> None:
+@pytest.mark.parametrize("diagonal", [False, True])
+def test_the_generator_is_a_perceptron_at_every_point(
+    axes: int, guides: int, diagonal: bool
+) -> None:
     torch.manual_seed(1)
-    net = Generator(axes=axes, channels=3, latents=5, guides=guides, bandwidth=2, width=11, depth=4)
+    net = Generator(
+        axes=axes,
+        channels=3,
+        latents=5,
+        guides=guides,
+        bandwidth=2,
+        diagonal=diagonal,
+        width=11,
+        depth=4,
+    )
     edges = (4, 3, 5)[:axes]
     phases = [torch.rand(2, n) for n in edges]
     latent = torch.rand(2, *edges, 5)
@@ -37,6 +50,10 @@ def test_the_generator_is_a_perceptron_at_every_point(axes: int, guides: int) ->
             inputs: list[float] = []
             for axis, i in enumerate(index):
                 inputs += twin.encode(float(phases[axis][batch, i]), 2)
+            for signs in diagonals(axes) if diagonal else []:
+                own = zip(signs, phases, index, strict=True)
+                total = sum(sign * float(phase[batch, i]) for sign, phase, i in own)
+                inputs += twin.encode(total, 2)
             inputs += latent[(batch, *index)].tolist()
             if guidance is not None:
                 inputs += guidance[(batch, slice(None), *index)].tolist()
@@ -45,13 +62,17 @@ def test_the_generator_is_a_perceptron_at_every_point(axes: int, guides: int) ->
 
 
 def test_the_papers_generator_has_ten_layers_of_width_128() -> None:
-    net = Generator(axes=3, channels=1, latents=5, guides=0, bandwidth=5, width=128, depth=10)
+    net = Generator(
+        axes=3, channels=1, latents=5, guides=0, bandwidth=5, diagonal=False, width=128, depth=10
+    )
     shapes = [tuple(p.shape) for name, p in net.named_parameters() if name.endswith("weight")]
     assert shapes == [(128, 3 * 12 + 5), *[(128, 128)] * 8, (1, 128)]
 
 
 def test_the_generator_starts_at_the_means() -> None:
-    net = Generator(axes=2, channels=2, latents=1, guides=0, bandwidth=0, width=4, depth=2)
+    net = Generator(
+        axes=2, channels=2, latents=1, guides=0, bandwidth=0, diagonal=False, width=4, depth=2
+    )
     net.start_from([0.9, 0.0])
     assert net.last.bias.sigmoid().tolist() == pytest.approx([0.9, 0.01])
 

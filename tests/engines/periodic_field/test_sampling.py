@@ -35,6 +35,7 @@ def tiles(
         latents=6,
         guides=0 if guide is None else 1,
         bandwidth=1,
+        diagonal=axes == 2,
         width=16,
         depth=3,
     )

@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import torch
 from torch import Tensor
 
-__all__ = ["encode", "encoded_size"]
+__all__ = ["diagonals", "encode", "encoded_size"]
+
+
+def diagonals(axes: int) -> list[tuple[int, ...]]:
+    """Return the sums of phases that are encoded beside the axes' own: 2 of images, 10 of volumes.
+
+    Each is a sign or 0 an axis, the first sign positive. A lattice that is not rectangular, such as
+    a honeycomb, is a sum of waves along its diagonals, but a product of waves along the axes, which
+    networks this small did not learn: they made square lattices instead.
+    """
+    return [
+        signs
+        for signs in itertools.product((0, 1, -1), repeat=axes)
+        if sum(map(abs, signs)) > 1 and next(s for s in signs if s) > 0
+    ]
 
 
 def encoded_size(bandwidth: int) -> int:

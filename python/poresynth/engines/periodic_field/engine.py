@@ -94,6 +94,10 @@ class PeriodicField(NeuralEngine):
         there is; by up to 4 half crops (§3); or not (the ablation "w/o shift").
     bandwidth : int, default 1
         i of Eq. 3, the highest octave. High ones print a lattice into media without a period.
+    diagonal : bool
+        Whether sums and differences of the axes' phases are encoded beside them (not in the paper):
+        True for images and False for volumes, where they cost half of the speed; of the preset
+        paper False.
     width, depth : int
         Of the perceptron; 48 and 4 of the preset tiny.
     latents : int, default 12
@@ -183,6 +187,7 @@ compile, device, evaluate_every, patience, training_seed
         learn_period: bool | None = None,
         shift: Literal["period", "paper", "none"] | None = None,
         bandwidth: int | None = None,
+        diagonal: bool | None = None,
         width: int | None = None,
         depth: int | None = None,
         latents: int | None = None,
@@ -409,6 +414,7 @@ resolution, whole
             latents=p.latents,
             guides=0 if p.guidance == "none" else 1,
             bandwidth=p.bandwidth,
+            diagonal=p.diagonal,
             width=p.width,
             depth=p.depth,
         )

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F  # noqa: N812 – the name that the field knows
 
-from poresynth.engines.periodic_field.encoding import encode, encoded_size
+from poresynth.engines.periodic_field.encoding import diagonals, encode, encoded_size
 
 __all__ = ["Generator"]
 
@@ -28,6 +28,8 @@ class Generator(nn.Module):
         Guidance factors of a point (Eq. 5); 0 without.
     bandwidth : int
         i of Eq. 3.
+    diagonal : bool
+        Whether sums and differences of the axes' phases are encoded, too.
     width, depth : int
         Width of the hidden layers, and number of layers with the last.
 
@@ -52,16 +54,18 @@ class Generator(nn.Module):
         latents: int,
         guides: int,
         bandwidth: int,
+        diagonal: bool,
         width: int,
         depth: int,
     ) -> None:
         super().__init__()
         self.axes = axes
         self.bandwidth = bandwidth
+        self.sums = diagonals(axes) if diagonal else []
         self.scale = nn.Parameter(torch.ones(axes))
         self.register_buffer("start", torch.ones(axes))
         self.register_buffer("spacing", torch.ones(axes))
-        inputs = axes * encoded_size(bandwidth) + latents + guides
+        inputs = (axes + len(self.sums)) * encoded_size(bandwidth) + latents + guides
         self.first = nn.Linear(inputs, width)
         hidden: list[nn.Module] = [nn.ReLU()]
         for _ in range(depth - 2):
@@ -96,6 +100,8 @@ class Generator(nn.Module):
             self.first.weight, [*[size] * self.axes, self.first.in_features - size * self.axes], 1
         )
         rest = latent if guidance is None else torch.cat([latent, guidance.movedim(1, -1)], -1)
+        sums = [encode(_sum(phases, signs), self.bandwidth) for signs in self.sums]
+        rest = torch.cat([*sums, rest], -1)
         total = F.linear(rest, other, self.first.bias)  # (batch, points, …, width)
         for axis, (phase, weight) in enumerate(zip(phases, own, strict=True)):
             part = F.linear(encode(phase, self.bandwidth), weight)  # (batch, points, width)
@@ -125,3 +131,15 @@ class Generator(nn.Module):
         """
         with torch.no_grad():
             self.last.bias.copy_(torch.tensor(means).clamp(0.01, 0.99).logit())
+
+
+def _sum(phases: Sequence[Tensor], signs: Sequence[int]) -> Tensor:
+    """Return a sum of phases on the grid, shape (batch, points, …)."""
+    axes = len(phases)
+    total = phases[0].new_zeros(())
+    for axis, (phase, sign) in enumerate(zip(phases, signs, strict=True)):
+        shape = [1] * axes
+        shape[axis] = -1
+        # Without its sign an axis still gives its points.
+        total = total + sign * phase.reshape(len(phase), *shape)
+    return total

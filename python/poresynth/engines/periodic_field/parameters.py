@@ -32,6 +32,7 @@ class FieldParameters(TrainingParameters):
     learn_period: bool = True
     shift: Literal["period", "paper", "none"] = "period"
     bandwidth: int = Field(1, ge=0, le=12)
+    diagonal: bool
     width: int = Field(48, ge=1, le=4096)
     depth: int = Field(4, ge=2, le=64)
     latents: int = Field(12, ge=1, le=4096)
@@ -77,6 +78,7 @@ PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
             "crop": {2: 64, 3: 24}[axes],
             "reach": {2: 64, 3: 32}[axes],
             "batch": 4,
+            "diagonal": axes == 2,
             "iterations": 600,
             "evaluate_every": 100,
             "learning_rate": 3e-3,
@@ -97,6 +99,7 @@ PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
             "batch": 8,
             "grids": 256,
             "places": 2048,
+            "diagonal": axes == 2,
             "iterations": 6000,
             "evaluate_every": 500,
             "learning_rate": 2e-3,
@@ -122,6 +125,7 @@ PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
             "critic_maps": (64, 128, 256, 512),
             "critic_steps": 5,
             "generator_steps": 5,
+            "diagonal": False,
             "iterations": 12500,
             "evaluate_every": 500,
             "learning_rate": 1e-4,
