@@ -96,8 +96,7 @@ class PeriodicField(NeuralEngine):
         i of Eq. 3, the highest octave. High ones print a lattice into media without a period.
     diagonal : bool
         Whether sums and differences of the axes' phases are encoded beside them (not in the paper):
-        True for images and False for volumes, where they cost half of the speed; of the preset
-        paper False.
+        True for images, False for volumes, where there are ten of them, and of the preset paper.
     width, depth : int
         Of the perceptron; 48 and 4 of the preset tiny.
     latents : int, default 12
