@@ -253,8 +253,6 @@ def test_a_wrong_period_is_put_right(
         evaluate_every=250,
         places=192,
         reach=48,
-        # Eq. 3 alone: along their diagonals lattices have other periods, which a wrong start meets.
-        diagonal=False,
         device="cpu",
     ).fit(image)
     for found, period in zip(engine.period_, true, strict=True):
