@@ -184,6 +184,19 @@ def test_a_periodic_volume_still_tiles() -> None:
     assert found.after.components <= found.before.components
 
 
+def test_values_that_may_not_change_stay_beside_a_grown_branch() -> None:
+    loose = hanging(frame(), 7)
+    texture = np.random.default_rng(0).integers(0, 20, loose.shape)
+    gray = (40 + 150 * loose + texture).astype(np.uint8)
+    # Beside the branch, from where its skin would be on.
+    free = np.ones(loose.shape, bool)
+    free[:, :, 29:] = False
+    model = (gray + 5).astype(np.uint8)
+    found = prune(gray, exemplar=model, threshold=120, theta=0.05, parts="keep", free=free)
+    assert found.edits[0].kind == "branch elongated"
+    np.testing.assert_array_equal(np.asarray(found.volume.array)[~free], gray[~free])
+
+
 @pytest.mark.parametrize(
     "array",
     [

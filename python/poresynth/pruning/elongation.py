@@ -239,14 +239,13 @@ def _copied(
     # The centre line itself must come through, whatever was rounded.
     is_solid |= from_chain <= 1.5**2
     now = solid[tuple(places.T)]
-    change = is_solid & ~now
-    if free is not None:
-        change &= free[tuple(places.T)]
+    may = np.ones(len(places), bool) if free is None else free[tuple(places.T)]
+    change = is_solid & ~now & may
     change &= ~_touches_others(solid, places, low, high, (tip, target), radius + 3)
     change[change] = _bridging(solid, places[change], tip, target, radius + 3)
     if not change.any():
         return None
-    skin = ~is_solid & ~now & ~stock.solid[tuple(source.T)]
+    skin = ~is_solid & ~now & ~stock.solid[tuple(source.T)] & may
     return Growth(places[change], places[skin], np.concatenate([source[change], source[skin]]))
 
 
