@@ -109,3 +109,27 @@ def test_a_body_smaller_than_the_features_is_refused(
     assert main(["synthesize", *map(str, words)]) == 2
     assert "must be wider than the features" in capsys.readouterr().err
     assert not Path("new.tif").exists()
+
+
+def test_a_part_has_a_report_of_its_own(folder: Path) -> None:
+    small = ["--shape", 40, 40, 40, "--preset", "fast", "--report", "out", "--part", "part.stl"]
+    run("synthesize", "foam.tif", "-o", "new.tif", *small)
+    pages = ("report.html", "part/report.html")
+    whole, part = (Path("out", page).read_text(encoding="utf-8") for page in pages)
+    assert "A part from a volume" in part
+    assert "A part from a volume" not in whole
+    assert "novelty_12" in json.loads(Path("out/report.json").read_text())
+
+
+def test_what_cannot_be_a_part_is_refused_first(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["synthesize", "foam.tif", "-o", "new.tif", "--shape", "40", "40", "40"]
+    for wrong, said in (
+        (["--part", "part.xyz"], "unknown suffix"),
+        (["--part", "part.inp", "--set", "part.smooth=3"], "smooth"),
+        (["--shell", "2"], "needs --part"),
+    ):
+        assert main([*words, *wrong]) == 2
+        assert said in capsys.readouterr().err
+        assert not Path("new.tif").exists()

@@ -141,7 +141,7 @@ def synthesize(
         Unit of lengths in the body's file, where it does not say.
     part
         File for a printable part of the new volume inside the mask, as `poresynth mesh` makes it:
-        .stl, .3mf, .ply, .obj, .vtp or .inp.
+        .stl, .3mf, .ply, .obj, .vtp or .inp. Its report is in the folder part of `--report`.
     shell
         Thickness of a solid layer under the surface of the mask, for `--part`.
     min_thickness
@@ -192,10 +192,14 @@ def synthesize(
     run = config.merge(saved, config.parse_settings(settings or ()), _given(given))
     run |= _given({"shape": workflow.shape_of_mask(run)})
     made = config.validate(run)
+    settled = (made.part or PartConfig()).of_run(made)
+    if part is not None:
+        part_workflow.check(part, settled)
     workflow.synthesize(made, output, threads, report)
     if part is not None:
-        settled = (made.part or PartConfig()).of_run(made)
-        part_workflow.mesh(output, part, settled, None, report, json_file=None, threads=threads)
+        # In a folder of its own, for it has a report.html, too.
+        about = None if report is None else report / "part"
+        part_workflow.mesh(output, part, settled, None, about, json_file=None, threads=threads)
 
 
 @app.command

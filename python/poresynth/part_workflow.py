@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
     from poresynth.fabrication import FabricationReport, Part
     from poresynth.volume import Volume
 
-__all__ = ["mesh"]
+__all__ = ["check", "mesh"]
 
 INP = ".inp"
 """Suffix of hexahedra; all others are surfaces."""
@@ -60,12 +59,12 @@ def mesh(
     PoresynthError
         If anything is wrong; no output is then left.
     """
-    from poresynth import workflow
+    from poresynth import io, workflow
     from poresynth.report import write_part_report
     from poresynth.report.parts import describe
 
-    _check(output, config)
-    with _reserved(output), workflow.reserve(report=report, json_file=json_file):
+    check(output, config)
+    with io.claim(output), workflow.reserve(report=report, json_file=json_file):
         volume = workflow.read(path, source)
         part = _part(path, volume, config, threads)
         if output.suffix.lower() == INP:
@@ -98,8 +97,25 @@ def _command(path: Path, output: Path, config: PartConfig, source: ReadConfig | 
     return shlex.join(words)
 
 
-def _check(output: Path, config: PartConfig) -> None:
-    """Refuse what does not go together before anything is read."""
+def check(output: Path, config: PartConfig) -> None:
+    """Refuse what does not go together, or cannot be written, before any work is done.
+
+    Parameters
+    ----------
+    output : Path
+        The part.
+    config : PartConfig
+        What is made.
+
+    Raises
+    ------
+    ParameterError
+        If a setting is not for this kind of file or phase.
+    FileError
+        If the suffix is unknown or the file cannot be written.
+    """
+    from poresynth import io, meshes
+
     suffix = output.suffix.lower()
     for name in ("smooth", "decimate"):
         if suffix == INP and (value := getattr(config, name)):
@@ -107,22 +123,13 @@ def _check(output: Path, config: PartConfig) -> None:
     if config.flow is not None and (config.phase != "pore" or suffix != ".stl"):
         allowed = "needs the phase pore and an output that ends in .stl"
         raise ParameterError("flow", config.flow, allowed)
-
-
-@contextmanager
-def _reserved(output: Path) -> Iterator[None]:
-    """Hold the output from the beginning: what would fail at the end fails here."""
-    from poresynth import io, meshes
-
-    if output.suffix.lower() == INP:
+    if suffix == INP:
         io.check_writable(output)
-    elif output.suffix.lower() not in meshes.SUFFIXES:
+    elif suffix not in meshes.SUFFIXES:
         known = ", ".join((*meshes.SUFFIXES, INP))
         raise FileError(f"{output}: unknown suffix {output.suffix!r}; known are {known}")
     else:
         meshes.check_output(output)
-    with io.claim(output):
-        yield
 
 
 def _part(path: Path, volume: Volume, config: PartConfig, threads: int) -> Part:
