@@ -12,7 +12,15 @@ from poresynth.errors import ParameterError
 from poresynth.preprocess import MOST_LABELS
 from poresynth.volume import Volume, voxel_edges
 
-__all__ = ["PhaseLike", "Scale", "as_phase", "as_scalar_volume", "scale_of", "whole_number"]
+__all__ = [
+    "PhaseLike",
+    "Scale",
+    "as_mask",
+    "as_phase",
+    "as_scalar_volume",
+    "scale_of",
+    "whole_number",
+]
 
 PhaseLike = Volume | npt.ArrayLike
 """A phase: bool, two-valued or labels, shape (z, y, x); see `as_phase`."""
@@ -96,6 +104,38 @@ def as_phase(
     if array.dtype == np.uint8 and values[-1] <= 1:
         return array.view(bool)
     return np.asarray(array != 0)
+
+
+def as_mask(
+    name: str, mask: npt.NDArray[np.bool_] | None, shape: tuple[int, ...]
+) -> npt.NDArray[np.bool_] | None:
+    """Return a mask of a volume, or none where there is none.
+
+    Parameters
+    ----------
+    name : str
+        What the caller names it, for the message.
+    mask : numpy.ndarray of bool, optional
+        The mask.
+    shape : (int, int, int)
+        Shape of the volume.
+
+    Returns
+    -------
+    numpy.ndarray of bool or None
+
+    Raises
+    ------
+    ParameterError
+        If it is not bool, or of another shape.
+    """
+    if mask is None:
+        return None
+    found = np.asarray(mask)
+    if found.shape != shape or found.dtype != bool:
+        what = f"array of shape {found.shape} and type {found.dtype}"
+        raise ParameterError(name, what, f"must be bool, of the shape {shape}")
+    return found
 
 
 class Scale(NamedTuple):

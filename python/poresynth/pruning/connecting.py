@@ -10,7 +10,13 @@ import numpy.typing as npt
 
 from poresynth import _core
 from poresynth.errors import ParameterError
-from poresynth.metrics.arguments import PhaseLike, as_phase, as_scalar_volume, whole_number
+from poresynth.metrics.arguments import (
+    PhaseLike,
+    as_mask,
+    as_phase,
+    as_scalar_volume,
+    whole_number,
+)
 
 __all__ = ["Connected", "connect"]
 
@@ -103,8 +109,8 @@ def connect(
     smallest = whole_number("smallest", smallest, 0)
     array = as_phase(solid)
     scores = np.asarray(as_scalar_volume(score, "score"), dtype=np.float32)
-    free = _mask("free", free, array.shape)
-    domain = _mask("domain", domain, array.shape)
+    free = as_mask("free", free, array.shape)
+    domain = as_mask("domain", domain, array.shape)
     phase = array
     if which == "pore":
         # High scores belong to the phase.
@@ -126,15 +132,3 @@ def connect(
     if domain is not None:
         result = np.where(domain, result, array)
     return Connected(result, erased, joined, apart, missing)
-
-
-def _mask(
-    name: str, mask: npt.NDArray[np.bool_] | None, shape: tuple[int, ...]
-) -> npt.NDArray[np.bool_] | None:
-    if mask is None:
-        return None
-    found = np.asarray(mask)
-    if found.shape != shape or found.dtype != bool:
-        what = f"array of shape {found.shape} and type {found.dtype}"
-        raise ParameterError(name, what, f"must be bool, of the shape {shape}")
-    return found

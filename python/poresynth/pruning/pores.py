@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from poresynth import _core
-from poresynth.metrics import label
+from poresynth.metrics import ComponentStatistics, component_statistics
 
-__all__ = ["closed_pores", "open_path", "touches_both"]
+__all__ = ["closed_pores", "open_path"]
 
 PORE: Literal[6] = 6
 """Voxels of the pore touch by faces if those of the solid touch by corners."""
@@ -20,20 +20,10 @@ def closed_pores(
     solid: npt.NDArray[np.bool_], *, threads: int = 0
 ) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64]]:
     """Return the labelled pore, and the labels of the pores that do not reach the border."""
-    found = label(~solid, connectivity=PORE, threads=threads)
-    closed = np.ones(len(found.sizes) + 1, bool)
-    closed[0] = False
-    for axis in range(3):
-        for side in (0, -1):
-            closed[np.unique(np.take(found.labels, side, axis))] = False
-    return found.labels, np.flatnonzero(closed)
-
-
-def touches_both(labels: npt.NDArray[np.uint32], axis: int) -> npt.NDArray[np.uint32]:
-    """Return the labels that lie at both faces across an axis."""
-    first, last = (np.unique(np.take(labels, side, axis)) for side in (0, -1))
-    both = np.intersect1d(first, last)
-    return np.asarray(both[both > 0], np.uint32)
+    found = component_statistics(~solid, connectivity=PORE, labels=True, threads=threads)
+    low, high = found.bounding_boxes[..., 0], found.bounding_boxes[..., 1]
+    closed = (low > 0).all(axis=1) & (high < solid.shape).all(axis=1)
+    return _labels(found), np.flatnonzero(closed) + 1
 
 
 def open_path(
@@ -50,13 +40,13 @@ def open_path(
     The way is the cheapest through the solid where ``score``, low in the pore, is lowest; it is
     ``width`` voxels thick. What percolates is returned as it is.
     """
-    labels = label(~solid, connectivity=PORE, threads=threads).labels
-    if len(touches_both(labels, axis)) > 0:
+    found = component_statistics(~solid, connectivity=PORE, labels=True, threads=threads)
+    if found.spans[:, axis].any():
         return solid
     pad = [(1, 1) if i == axis else (0, 0) for i in range(3)]
     # Two slabs of pore, each with what touches it; the pores between are cheap ground, no pieces.
-    first, last = (np.unique(np.take(labels, side, axis)) for side in (0, -1))
-    reached = np.isin(labels, np.union1d(first, last)) & ~solid
+    low, high = found.bounding_boxes[:, axis].T
+    reached = np.isin(_labels(found), 1 + np.flatnonzero((low == 0) | (high == solid.shape[axis])))
     pore = np.pad(reached, pad, constant_values=True)
     depth = np.where(solid, -np.maximum(score, 0), 0).astype(np.float32)
     may = np.pad(np.ones_like(solid) if free is None else free, pad, constant_values=False)
@@ -74,3 +64,8 @@ def open_path(
     # What `connect_phase` took from the pore's surface to keep its number stays pore: the number is
     # restored once, at the end.
     return np.asarray(solid & ~opened[inner])
+
+
+def _labels(found: ComponentStatistics) -> npt.NDArray[np.uint32]:
+    assert found.labels is not None  # They were asked for.
+    return found.labels

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from poresynth.errors import ParameterError, PoresynthError
 from poresynth.metrics import distance_transform
-from poresynth.metrics.arguments import as_scalar_volume
+from poresynth.metrics.arguments import as_mask, as_scalar_volume
 from poresynth.pruning.cut import Cut
 from poresynth.pruning.elongation import Stock
 from poresynth.pruning.gray import repaint
@@ -124,10 +124,8 @@ def prune(
     example = None if exemplar is None else as_volume(exemplar)
     cut = Cut.of(array, example, threshold, solid)
     before = cut.solid(array)
-    for name, mask in (("free", free), ("domain", domain)):
-        if mask is not None and (mask.shape != array.shape or mask.dtype != bool):
-            what = f"array of shape {mask.shape} and type {mask.dtype}"
-            raise ParameterError(name, what, f"must be bool, of the shape {array.shape}")
+    free = as_mask("free", free, array.shape)
+    domain = as_mask("domain", domain, array.shape)
     report = progress or (lambda stage, fraction: None)
     report("measuring the structure", 0.0)
     if boundary == "periodic":

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from poresynth import _core
 from poresynth.metrics import (
     component_sizes,
     end_points,
@@ -15,6 +16,7 @@ from poresynth.metrics import (
 )
 from poresynth.metrics.connectivity import FLOATING
 from poresynth.metrics.skeleton import MARGIN
+from poresynth.pruning.pores import PORE
 from poresynth.volume import Volume
 
 __all__ = ["Edit", "EditKind", "Pruned", "Standing"]
@@ -123,8 +125,6 @@ class Standing:
         -----
         Peak memory: 6 bytes a voxel.
         """
-        from poresynth.pruning.pores import closed_pores
-
         count, density = 0, 0.0
         if min(solid.shape) > 2 * MARGIN:
             ends = end_points(solid, skeleton=skeleton, threads=threads)
@@ -143,7 +143,7 @@ class Standing:
             * (solid.size / material),
             len(sizes),
             int(np.count_nonzero(sizes < FLOATING)),
-            len(closed_pores(solid, threads=threads)[1]),
+            _core.cavities(solid, connectivity=PORE, threads=threads),
         )
 
 

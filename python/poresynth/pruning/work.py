@@ -16,7 +16,7 @@ from poresynth.pruning.cut import Cut
 from poresynth.pruning.elongation import Growth, Stock, grow
 from poresynth.pruning.loops import Loops
 from poresynth.pruning.pores import closed_pores, open_path
-from poresynth.pruning.record import Edit, Standing
+from poresynth.pruning.record import Edit, EditKind, Standing
 from poresynth.pruning.spurs import Network, Spurs
 
 __all__ = ["Work"]
@@ -64,12 +64,10 @@ class Work:
         )
         first = _first_places(found.labels, len(found.sizes))
         largest = int(np.argmax(found.sizes)) + 1
-        # A part is gone where its first voxel is, unless the surface lost just that voxel.
         for part, (size, place) in enumerate(zip(found.sizes, first, strict=True), 1):
-            if part != largest and size < most:
-                self.edits.append(Edit("part removed", place, int(size)))
-            elif part != largest:
-                self.edits.append(Edit("part joined", place, int(size)))
+            if part != largest:
+                kind: EditKind = "part removed" if size < most else "part joined"
+                self.edits.append(Edit(kind, place, int(size)))
         self._surface(self.solid, joined.solid)
         self.solid = joined.solid
 
@@ -255,7 +253,7 @@ class Work:
             z, y, x = (int(i) for i in moved[0])
             self.edits.append(Edit("surface moved", (z, y, x), len(moved)))
 
-    def _note(self, kind: Any, spurs: Spurs, number: int, voxels: int) -> None:
+    def _note(self, kind: EditKind, spurs: Spurs, number: int, voxels: int) -> None:
         z, y, x = (int(i) for i in spurs.paths[number][0])
         perimeter = float(spurs.perimeter[number])
         known = perimeter if np.isfinite(perimeter) else None

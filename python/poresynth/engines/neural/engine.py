@@ -396,7 +396,7 @@ class NeuralEngine(ABC):
                 values, graded = follow_map(values, self._phases, scores, phase, request)
                 made_so["grading"] = graded.provenance()
         else:
-            request.impose(values, self._outside())
+            request.impose(values, outside_value(self._phases, self.exemplar_.array))
         return SynthesizedVolume(
             values,
             self._voxel_size(options),
@@ -537,10 +537,6 @@ class NeuralEngine(ABC):
             allowed = "goes with cut_at = porosity, not with the exemplar's threshold"
             raise ParameterError("porosity", wanted, allowed)
         return self._tiles(self.generator_, request.seed, request.shape, request.boundary, options)
-
-    def _outside(self) -> Any:
-        """Return the value of voxels outside a mask."""
-        return outside_value(self._phases, self.exemplar_.array)
 
     def _provenance(
         self, request: Request, cut_at: Cut, start: Shape, options: Any
