@@ -133,23 +133,13 @@ def check(output: Path, config: PartConfig) -> None:
 
 
 def _part(path: Path, volume: Volume, config: PartConfig, threads: int) -> Part:
-    from poresynth import fabrication
+    from poresynth import fabrication, workflow
     from poresynth.resources import check_memory
-    from poresynth.shapes import read_domain
 
     needed = _BYTES if config.min_thickness is None else _BYTES_THICKENED
     z, y, x = volume.shape
     check_memory(needed * z * y * x, f"a part of {path}")
-    domain = None
-    if config.mask is not None:
-        domain = read_domain(
-            config.mask,
-            voxel_size=volume.voxel_size,
-            unit=volume.unit,
-            body_unit=config.mask_unit,
-        )
-        for said in domain.notes:
-            console.note(f"{config.mask}: {said}")
+    domain = workflow.read_mask(config.mask, config.mask_unit, volume)
     with console.progress("part") as progress:
         return fabrication.make_part(
             volume,

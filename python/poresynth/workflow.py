@@ -35,6 +35,7 @@ __all__ = [
     "read",
     "read_exemplar",
     "read_exemplars",
+    "read_mask",
     "reserve",
     "shape_of_mask",
     "synthesize",
@@ -117,7 +118,7 @@ def synthesize(run: RunConfig, output: Path, threads: int, report: Path | None) 
     with reserve(output, report=report):
         exemplars = read_exemplars(run)
         digests = _check_repetition(run, exemplars)
-        domain = read_mask(run, exemplars[0])
+        domain = read_mask(run.mask, run.mask_unit, exemplars[0])
         volume = _sample(run, exemplars, domain, threads)
         if run.prune is not None:
             known = None if run.known_mask is None else read(Path(run.known_mask)).array != 0
@@ -254,20 +255,25 @@ def _check_room(domain: Domain, exemplar: Volume, engine: Synthesizer) -> None:
         check_room(domain.mask, feature)
 
 
-def read_mask(run: RunConfig, exemplar: Volume) -> Domain | None:
-    """Read the domain of a run, in voxels of the exemplar, and say what was repaired."""
+def read_mask(mask: str | None, unit: str | None, volume: Volume) -> Domain | None:
+    """Read a domain in voxels of a volume, and say what was repaired.
+
+    Parameters
+    ----------
+    mask : str, optional
+        Path of a volume or a closed mesh; nothing is read without.
+    unit : str, optional
+        Unit of a mesh that does not say its own.
+    volume : Volume
+        Whose voxel size and unit count.
+    """
     from poresynth.shapes import read_domain
 
-    if run.mask is None:
+    if mask is None:
         return None
-    domain = read_domain(
-        run.mask,
-        voxel_size=exemplar.voxel_size,
-        unit=exemplar.unit,
-        body_unit=run.mask_unit,
-    )
+    domain = read_domain(mask, voxel_size=volume.voxel_size, unit=volume.unit, body_unit=unit)
     for said in domain.notes:
-        console.note(f"{run.mask}: {said}")
+        console.note(f"{mask}: {said}")
     return domain
 
 
@@ -275,13 +281,20 @@ def shape_of_mask(document: Mapping[str, Any]) -> tuple[int, int, int] | None:
     """Return the shape that a body has in voxels of the exemplar, for a run that says none."""
     from poresynth.config import validate
     from poresynth.meshes import READABLE
+    from poresynth.shapes import read_domain
 
     mask = document.get("mask")
     if document.get("shape") is not None or Path(str(mask)).suffix.lower() not in READABLE:
         return None
     run = validate({**document, "shape": (1, 1, 1)})
-    domain = read_mask(run, read_exemplars(run)[0])
-    return None if domain is None else domain.mask.shape
+    exemplar = read_exemplars(run)[0]
+    # Repairs are said when the run reads the body.
+    return read_domain(
+        str(mask),
+        voxel_size=exemplar.voxel_size,
+        unit=exemplar.unit,
+        body_unit=run.mask_unit,
+    ).mask.shape
 
 
 def _directions(run: RunConfig) -> dict[str, Any]:

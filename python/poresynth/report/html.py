@@ -231,7 +231,7 @@ def planes_table(figures: Mapping[str, Any], planes: Sequence[Sequence[str]]) ->
 
 
 def explained_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table whose first column names things and whose last explains them.
+    """Return a table whose first column names figures and whose last explains them.
 
     Parameters
     ----------
@@ -245,18 +245,9 @@ def explained_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str
     str
         HTML.
     """
-    classes = ["", *["number"] * (len(header) - 2), "says"]
-    names = zip(classes, header, strict=True)
-    head = "".join(f'<th class="{css}">{escape(name)}</th>' for css, name in names)
-    body = []
-    for first, *others in rows:
-        cells = zip(classes[1:], others, strict=True)
-        body.append(
-            f"<tr><th><code>{escape(first)}</code></th>"
-            + "".join(f'<td class="{css}">{escape(cell)}</td>' for css, cell in cells)
-            + "</tr>"
-        )
-    return _table(head, body)
+    classes = ["number"] * (len(header) - 2) + ["says"]
+    names = ((f"<code>{escape(first)}</code>", *others) for first, *others in rows)
+    return _words_table(classes, header, names)
 
 
 def across(planes: Sequence[str]) -> str:
@@ -300,16 +291,21 @@ def plain_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     str
         HTML.
     """
-    names = "".join(
-        f'<th class="{"number" if i else ""}">{escape(n)}</th>' for i, n in enumerate(header)
-    )
-    lines = (
-        f"<tr><th>{escape(name)}</th>"
-        + "".join(f'<td class="number">{escape(cell)}</td>' for cell in cells)
-        + "</tr>"
-        for name, *cells in rows
-    )
-    return _table(names, lines)
+    names = ((escape(first), *others) for first, *others in rows)
+    return _words_table(["number"] * (len(header) - 1), header, names)
+
+
+def _words_table(
+    classes: Sequence[str], header: Sequence[str], rows: Iterable[Sequence[str]]
+) -> str:
+    """Return a table; the first cell of a row is HTML, the others have these classes."""
+
+    def cells(tag: str, texts: Sequence[str]) -> str:
+        pairs = zip(classes, texts, strict=True)
+        return "".join(f'<{tag} class="{css}">{escape(text)}</{tag}>' for css, text in pairs)
+
+    body = (f"<tr><th>{first}</th>{cells('td', others)}</tr>" for first, *others in rows)
+    return _table(f"<th>{escape(header[0])}</th>{cells('th', header[1:])}", body)
 
 
 def _table(header: str, rows: Iterable[str]) -> str:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import datetime
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from poresynth.io import atomic
 from poresynth.report import html, parts
-from poresynth.report.writer import reserved
+from poresynth.report.writer import write_files
 from poresynth.volume import Volume
 
 __all__ = ["write_part_report"]
@@ -60,7 +58,6 @@ def write_part_report(
     """
     from poresynth import __version__
 
-    directory = Path(directory)
     now = datetime.datetime.now().astimezone()
     says = "<p>Both at one scale; faces where the border cuts the volume are ochre.</p>"
     sections = [
@@ -79,10 +76,4 @@ def write_part_report(
     )
     found = {**data, "command": command, "version": __version__}
     found["date"] = now.isoformat(timespec="seconds")
-    with (
-        reserved(directory),
-        atomic.output(directory / "report.html", directory / "report.json") as (page, numbers),
-    ):
-        page.write_text(text, encoding="utf-8")
-        numbers.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    return directory / "report.html"
+    return write_files(Path(directory), "report", text, found)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from os import PathLike
 from pathlib import Path
@@ -10,11 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from poresynth.io import atomic
 from poresynth.report import html, parts
 from poresynth.report.slices import gray_window, png
 from poresynth.report.words import number
-from poresynth.report.writer import reserved
+from poresynth.report.writer import write_files
 from poresynth.volume import Volume
 
 if TYPE_CHECKING:
@@ -74,7 +72,6 @@ def write_pruning_report(
     """
     from poresynth import __version__
 
-    directory = Path(directory)
     solids = {
         "before": volume.with_array(pruned.solid_before),
         "after": volume.with_array(pruned.solid),
@@ -100,13 +97,7 @@ def write_pruning_report(
         f"poresynth {__version__}. The same numbers for programs, and every edit: pruning.json.",
     )
     data = {**pruned.to_dict(), "command": command, "version": __version__}
-    with (
-        reserved(directory),
-        atomic.output(directory / "pruning.html", directory / "pruning.json") as (page, figures),
-    ):
-        page.write_text(text, encoding="utf-8")
-        figures.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-    return directory / "pruning.html"
+    return write_files(Path(directory), "pruning", text, data)
 
 
 def _figures(pruned: Pruned) -> str:

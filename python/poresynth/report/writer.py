@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from poresynth.comparison import Comparison
     from poresynth.metrics.sections import Images
 
-__all__ = ["reserved", "write_report"]
+__all__ = ["reserved", "write_files", "write_report"]
 
 
 def write_report(
@@ -73,13 +73,38 @@ def write_report(
     now = datetime.datetime.now().astimezone()
     text = render(exemplar, volume, comparison, energy, configuration, command, now)
     data = _data(comparison, energy, configuration, command, now)
-    with (
-        reserved(directory),
-        atomic.output(directory / "report.html", directory / "report.json") as (page, numbers),
-    ):
-        page.write_text(text, encoding="utf-8")
-        numbers.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-    return directory / "report.html"
+    return write_files(directory, "report", text, data)
+
+
+def write_files(directory: Path, name: str, page: str, data: Mapping[str, Any]) -> Path:
+    """Write a page and its figures, both whole or neither.
+
+    Parameters
+    ----------
+    directory : Path
+        Folder of the report; made if it does not exist. Its parent must exist.
+    name : str
+        Of both files, before the suffix.
+    page : str
+        HTML.
+    data : mapping
+        What the page says, JSON-compatible.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    FileError
+        If the folder cannot be written; what was there before is then untouched.
+    """
+    paths = directory / f"{name}.html", directory / f"{name}.json"
+    with reserved(directory), atomic.output(*paths) as (text, figures):
+        text.write_text(page, encoding="utf-8")
+        figures.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    return paths[0]
 
 
 @contextmanager
