@@ -36,13 +36,9 @@ PYTHON_ARROWS = {
     "config": {"errors", "engines"},
     "workflow": GROUND
     | {"io", "preprocess", "engines", "metrics", "comparison", "pruning", "resources"}
-    | {"meshes", "shapes", "report", "config", "console"},
-    "neural_workflow": {"errors", "io", "engines", "report", "config", "console", "workflow"},
-    "part_workflow": GROUND
-    | {"io", "meshes", "shapes", "fabrication", "resources", "report", "config", "console"}
-    | {"workflow"},
+    | {"meshes", "shapes", "fabrication", "report", "config", "console"},
     "cli": {"errors", "io", "preprocess", "exemplars", "metrics", "report", "config"}
-    | {"console", "workflow", "neural_workflow", "part_workflow"},
+    | {"console", "workflow"},
     "__main__": {"cli"},
 }
 # Packages that may import torch; what else may import them.

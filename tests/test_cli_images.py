@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -58,7 +59,8 @@ class StandIn:
 
 @pytest.fixture(autouse=True)
 def engine(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(ENGINES, "solid", (__name__, "StandIn"))
+    stand_in = replace(ENGINES["solid"], module=__name__, attribute="StandIn")
+    monkeypatch.setitem(ENGINES, "solid", stand_in)
 
 
 @pytest.fixture(autouse=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,12 @@ def test_a_volume_is_pruned_and_reported(folder: Path, capsys: pytest.CaptureFix
     page = Path("out/pruning.html").read_text(encoding="utf-8")
     assert page.count("<img") >= 4
     assert "before" in page
+    origin = json.loads(Path("clean.tif.json").read_text())["poresynth"]
+    assert origin["pruning"] == {k: v for k, v in figures.items() if k in origin["pruning"]}
+    assert origin["pruning"]["after"]["components"] == 1
+    assert origin["command"] in page
+    assert main(shlex.split(origin["command"].replace("clean.tif", "again.tif"))[1:]) == 0
+    np.testing.assert_array_equal(io.read("again.tif").array, after.array)
     run("prune", "rough.tif", "-o", "again.tif", "--exemplar", "foam.tif", "--threads", 1)
     np.testing.assert_array_equal(io.read("again.tif").array, after.array)
 

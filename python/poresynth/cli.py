@@ -11,9 +11,20 @@ from typing import Annotated, Any, Literal
 from cyclopts import App, CycloptsError, Group, Parameter
 from pydantic import ValidationError
 
-from poresynth import config, console, neural_workflow, part_workflow, workflow
+from poresynth import config, console
 from poresynth.config import InputConfig, PartConfig, PruneConfig, ReadConfig, RunConfig
 from poresynth.errors import ParameterError, PoresynthError
+from poresynth.workflow import (
+    comparing,
+    domains,
+    files,
+    inputs,
+    measuring,
+    models,
+    parts,
+    pruning,
+    synthesis,
+)
 
 __all__ = ["main"]
 
@@ -190,16 +201,16 @@ def synthesize(
     if exemplar:
         saved.pop("exemplar_sha256", None)
     run = config.merge(saved, config.parse_settings(settings or ()), _given(given))
-    run |= _given({"shape": workflow.shape_of_mask(run)})
+    run |= _given({"shape": domains.shape_of_mask(run)})
     made = config.validate(run)
     settled = (made.part or PartConfig()).of_run(made)
     if part is not None:
-        part_workflow.check(part, settled)
-    workflow.synthesize(made, output, threads, report)
+        parts.check(part, settled)
+    synthesis.synthesize(made, output, threads, report)
     if part is not None:
         # In a folder of its own, for it has a report.html, too.
         about = None if report is None else report / "part"
-        part_workflow.mesh(output, part, settled, None, about, json_file=None, threads=threads)
+        parts.mesh(output, part, settled, None, about, json_file=None, threads=threads)
 
 
 @app.command
@@ -256,7 +267,7 @@ def train(
     """
     given = {"preset": preset, "training_seed": seed, "threshold": threshold, "solid": solid}
     settled = config.parse_settings(settings or ()).get("parameters", {})
-    neural_workflow.train(
+    models.train(
         exemplar,
         output,
         engine=engine,
@@ -327,7 +338,7 @@ def sample(
         KEY=VALUE …: what else the engine is asked for. Of ipfn: guidance (a number, two, or the
         file of a map), noise_scale, latent, mirrored, resolution, start, whole.
     """
-    neural_workflow.sample(
+    models.sample(
         model,
         output,
         shape=shape,
@@ -387,14 +398,14 @@ def compare(
     """
     from poresynth.report import write_report
 
-    with workflow.reserve(report=report, json_file=json_file):
-        original = workflow.read_exemplar(exemplar, source or InputConfig())
-        new = workflow.read(volume)
-        comparison = workflow.compare(
+    with files.reserve(report=report, json_file=json_file):
+        original = inputs.read_exemplar(exemplar, source or InputConfig())
+        new = files.read(volume)
+        comparison = comparing.compare(
             original, new, threshold=threshold, solid=solid, seed=seed, threads=threads
         )
         if json_file is not None:
-            workflow.write_json(json_file, comparison.to_dict())
+            files.write_json(json_file, comparison.to_dict())
         if report is not None:
             origin = new.metadata.get("poresynth", {})
             page = write_report(
@@ -441,12 +452,12 @@ def measure(
     source
         How the volume is read.
     """
-    with workflow.reserve(json_file=json_file):
-        found = workflow.measure(
+    with files.reserve(json_file=json_file):
+        found = measuring.measure(
             volume, source, threshold=threshold, solid=solid, transport=transport, threads=threads
         )
         if json_file is not None:
-            workflow.write_json(json_file, found)
+            files.write_json(json_file, found)
 
 
 @app.command
@@ -494,19 +505,18 @@ def prune(
     source
         How the volume is read.
     """
-    with workflow.reserve(output, report=report):
-        before = workflow.read(volume, source)
-        pruned = workflow.prune(
-            before,
-            how or PruneConfig(),
-            exemplar=None if exemplar is None else workflow.read(exemplar),
-            threshold=threshold,
-            solid=solid,
-            boundary="periodic" if periodic else "open",
-            threads=threads,
-            report=report,
-        )
-        workflow.write(output, pruned.volume)
+    pruning.prune_file(
+        volume,
+        output,
+        how or PruneConfig(),
+        source,
+        exemplar=exemplar,
+        threshold=threshold,
+        solid=solid,
+        boundary="periodic" if periodic else "open",
+        threads=threads,
+        report=report,
+    )
 
 
 @app.command
@@ -534,8 +544,8 @@ def crop(
     source
         How the volume is read.
     """
-    with workflow.reserve(output):
-        workflow.write(output, workflow.crop(workflow.read(volume, source), (z, y, x)))
+    with files.reserve(output):
+        files.write(output, files.crop(files.read(volume, source), (z, y, x)))
 
 
 @app.command
@@ -568,9 +578,9 @@ def downsample(
     """
     from poresynth import preprocess
 
-    with workflow.reserve(output):
-        workflow.write(
-            output, preprocess.downsample(workflow.read(volume, source), factor, labels=labels)
+    with files.reserve(output):
+        files.write(
+            output, preprocess.downsample(files.read(volume, source), factor, labels=labels)
         )
 
 
@@ -603,11 +613,11 @@ def threshold(
     """
     from poresynth import preprocess
 
-    with workflow.reserve(output):
-        gray = workflow.read(volume, source)
+    with files.reserve(output):
+        gray = files.read(volume, source)
         cut = preprocess.threshold(gray, value)
         binary = preprocess.binarize(gray, cut, solid)
-        workflow.write(output, gray.with_array(binary))
+        files.write(output, gray.with_array(binary))
         console.result(f"threshold: {cut:g}")
         console.result(f"porosity: {1 - binary.mean():.4f}")
 
@@ -652,7 +662,7 @@ def mesh(
     source
         How the volume is read.
     """
-    part_workflow.mesh(
+    parts.mesh(
         volume, output, part or PartConfig(), source, report, json_file=json_file, threads=threads
     )
 
@@ -675,10 +685,10 @@ def demo(*, output: Output = Path("demo"), threads: Threads = 0) -> None:
     from poresynth import exemplars, io
 
     exemplar = output / "exemplar.tif"
-    with workflow.reserve(report=output):
+    with files.reserve(report=output):
         io.write(exemplar, exemplars.spinodal(DEMO_EXEMPLAR, porosity=0.7, seed=1))
     run = RunConfig(exemplar=(str(exemplar),), shape=DEMO_SHAPE, seed=1)
-    workflow.synthesize(run, output / "new.tif", threads, output)
+    synthesis.synthesize(run, output / "new.tif", threads, output)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

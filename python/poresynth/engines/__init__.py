@@ -3,23 +3,53 @@
 from __future__ import annotations
 
 import importlib
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from poresynth.errors import ParameterError
 
 if TYPE_CHECKING:
     from poresynth.engines.base import Synthesizer
 
-__all__ = ["ENGINES", "get_engine", "load_model", "saved_parameters"]
+__all__ = ["ENGINES", "Entry", "get_engine", "load_model", "saved_parameters"]
 
-# Name on the command line → module and class, imported when first asked for.
-ENGINES: dict[str, tuple[str, str]] = {
-    "volume": ("poresynth.engines.volume_texture", "VolumeTexture"),
-    "solid": ("poresynth.engines.solid_texture", "SolidTexture"),
-    "ipfn": ("poresynth.engines.periodic_field", "PeriodicField"),
-    "scaffoldgan": ("poresynth.engines.scaffold_gan", "ScaffoldGAN"),
+
+@dataclass(frozen=True)
+class Entry:
+    """Where an engine is, and what is known of it before it is imported.
+
+    Attributes
+    ----------
+    module, attribute : str
+        Its class, imported when first asked for.
+    learns_from : {"volume", "images", "either"}
+        What its `fit` takes.
+    most : int
+        How many of them at once.
+    trains : bool
+        Whether `fit` trains a network: it takes long, and reports its progress.
+    turns : bool
+        Whether `sample` takes fields of orientation and scale.
+    """
+
+    module: str
+    attribute: str
+    learns_from: Literal["volume", "images", "either"] = "volume"
+    most: int = 1
+    trains: bool = False
+    turns: bool = False
+
+
+ENGINES = {
+    "volume": Entry("poresynth.engines.volume_texture", "VolumeTexture", turns=True),
+    "solid": Entry("poresynth.engines.solid_texture", "SolidTexture", learns_from="images", most=3),
+    "ipfn": Entry(
+        "poresynth.engines.periodic_field", "PeriodicField", learns_from="either", trains=True
+    ),
+    "scaffoldgan": Entry("poresynth.engines.scaffold_gan", "ScaffoldGAN", trains=True),
 }
+"""The engines, by their names on the command line."""
 
 
 def get_engine(name: str) -> type[Synthesizer]:
@@ -42,8 +72,9 @@ def get_engine(name: str) -> type[Synthesizer]:
     """
     if name not in ENGINES:
         raise ParameterError("engine", name, f"must be one of {', '.join(sorted(ENGINES))}")
-    module, attribute = ENGINES[name]
-    engine: type[Synthesizer] = getattr(importlib.import_module(module), attribute)
+    entry = ENGINES[name]
+    module = importlib.import_module(entry.module)
+    engine: type[Synthesizer] = getattr(module, entry.attribute)
     return engine
 
 

@@ -42,7 +42,7 @@ def test_the_other_engines_do_without() -> None:
 
 
 def test_importing_loads_no_network_library_until_an_engine_is_asked_for() -> None:
-    code = "import sys, poresynth.engines, poresynth.cli, poresynth.neural_workflow\n"
+    code = "import sys, poresynth.engines, poresynth.cli, poresynth.workflow.models\n"
     code += "assert 'torch' not in sys.modules\n"
     code += "poresynth.engines.get_engine('scaffoldgan')\nassert 'torch' in sys.modules"
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)

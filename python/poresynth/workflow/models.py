@@ -11,8 +11,14 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from poresynth import config, console, workflow
+from poresynth import config, console
+from poresynth.engines import get_engine, load_model, saved_parameters
 from poresynth.errors import FileError, ParameterError
+from poresynth.workflow.comparing import judge
+from poresynth.workflow.domains import field_of
+from poresynth.workflow.files import read, reserve
+from poresynth.workflow.inputs import read_exemplar
+from poresynth.workflow.pruning import prune_new
 
 if TYPE_CHECKING:
     from poresynth.config import InputConfig
@@ -55,7 +61,6 @@ def train(
         If anything is wrong with the run; the last checkpoint is left.
     """
     from poresynth import io
-    from poresynth.engines import get_engine, saved_parameters
 
     # Of the processes of torchrun one speaks and writes.
     first = int(os.environ.get("RANK", "0")) == 0
@@ -65,7 +70,7 @@ def train(
     elif (output / CHECKPOINT).exists() and first:
         raise FileError(f"{output}: holds a training; --resume goes on with it")
     config.check_parameters(engine, parameters)
-    volume = workflow.read_exemplar(exemplar, source)
+    volume = read_exemplar(exemplar, source)
     model: Any = get_engine(engine)(**parameters)
     command = _train_command(exemplar, output, engine, parameters, source)
     origin = {"exemplar": str(exemplar), "command": command}
@@ -131,7 +136,7 @@ def sample(
     shape, seed, boundary, cut_at, threads
         As of `poresynth.engines.neural.engine.NeuralEngine.sample`.
     porosity : float or str, optional
-        A number, or a map as `poresynth.workflow.field_of` takes it.
+        A number, or a map as `poresynth.workflow.domains.field_of` takes it.
     prune : bool
         Prune the volume until it has the exemplar's loose ends and Euler number.
     blockwise : bool
@@ -150,7 +155,6 @@ def sample(
     """
     from poresynth import io
     from poresynth.config import PruneConfig
-    from poresynth.engines import load_model
 
     if blockwise and report is not None:
         raise ParameterError("report", report, "needs the whole volume: not with --blockwise")
@@ -159,7 +163,7 @@ def sample(
     wanted: dict[str, Any] = {
         "seed": seed,
         "boundary": boundary,
-        "porosity": workflow.field_of("porosity", porosity, shape),
+        "porosity": field_of("porosity", porosity, shape),
         "cut_at": cut_at,
         "threads": threads,
     }
@@ -170,7 +174,7 @@ def sample(
         "configuration": {"model": str(model), "shape": list(shape), "seed": seed},
         "command": command,
     }
-    with workflow.reserve(output, report=report):
+    with reserve(output, report=report):
         engine = load_model(model, device=device)
         wanted |= _sampling_options(engine, options, known=wanted)
         with console.progress("sampling") as progress:
@@ -182,7 +186,7 @@ def sample(
                 return
             volume = engine.sample(shape, progress=progress, **wanted)
         if prune:
-            volume = workflow.prune_new(
+            volume = prune_new(
                 volume,
                 PruneConfig(),
                 exemplar=engine.exemplar_,
@@ -195,7 +199,7 @@ def sample(
         console.result(f"new volume: {output}")
         raw = volume.metadata["poresynth"]["raw_porosity"]
         console.result(f"porosity at the exemplar's threshold: {raw:.4f}")
-        workflow.judge([engine.exemplar_], volume, threads, report, beside_images=False)
+        judge([engine.exemplar_], volume, threads, report, beside_images=False)
 
 
 def _sampling_options(
@@ -211,7 +215,7 @@ def _sampling_options(
             raise ParameterError(name, value, allowed)
         found[name] = tuple(value) if isinstance(value, list) else value
         if name == "guidance" and isinstance(value, str):
-            array = workflow.read(Path(value)).array
+            array = read(Path(value)).array
             found[name] = array[0] if array.shape[0] == 1 else array
     return found
 

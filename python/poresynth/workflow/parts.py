@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from poresynth import console
 from poresynth.errors import FileError, ParameterError
 from poresynth.io.units import convert, spell
+from poresynth.workflow.domains import read_mask
+from poresynth.workflow.files import read, reserve, write_json
 
 if TYPE_CHECKING:
     from poresynth.config import PartConfig, ReadConfig
@@ -59,13 +61,13 @@ def mesh(
     PoresynthError
         If anything is wrong; no output is then left.
     """
-    from poresynth import io, workflow
+    from poresynth import io
     from poresynth.report import write_part_report
     from poresynth.report.parts import describe
 
     check(output, config)
-    with io.claim(output), workflow.reserve(report=report, json_file=json_file):
-        volume = workflow.read(path, source)
+    with io.claim(output), reserve(report=report, json_file=json_file):
+        volume = read(path, source)
         part = _part(path, volume, config, threads)
         if output.suffix.lower() == INP:
             made = _write_hexahedra(output, part, config)
@@ -73,7 +75,7 @@ def mesh(
             made = _write_surface(output, part, config, threads)
         header, rows = _print(made)
         if json_file is not None:
-            workflow.write_json(json_file, made.to_dict())
+            write_json(json_file, made.to_dict())
         if report is not None:
             shown = {"in the volume": part.before, "the part": part.inside}
             page = write_part_report(
@@ -133,13 +135,13 @@ def check(output: Path, config: PartConfig) -> None:
 
 
 def _part(path: Path, volume: Volume, config: PartConfig, threads: int) -> Part:
-    from poresynth import fabrication, workflow
+    from poresynth import fabrication
     from poresynth.resources import check_memory
 
     needed = _BYTES if config.min_thickness is None else _BYTES_THICKENED
     z, y, x = volume.shape
     check_memory(needed * z * y * x, f"a part of {path}")
-    domain = workflow.read_mask(config.mask, config.mask_unit, volume)
+    domain = read_mask(config.mask, config.mask_unit, volume)
     with console.progress("part") as progress:
         return fabrication.make_part(
             volume,
