@@ -82,6 +82,7 @@ def synthesize(
     min_thickness: float | None = None,
     known: Path | None = None,
     known_mask: Path | None = None,
+    blockwise: Annotated[bool | None, Parameter(negative="")] = None,
     prune: Annotated[bool | None, Parameter(negative="")] = None,
     configuration: Annotated[Path | None, Parameter(name="--config")] = None,
     settings: Annotated[
@@ -161,6 +162,9 @@ def synthesize(
         A volume of the wanted shape whose voxels are kept exactly where `--known-mask` says.
     known_mask
         Where `--known` is known: not 0.
+    blockwise
+        Make and write it brick by brick, in about 1 GB of memory however large it is: .tif or
+        .zarr, no report.
     prune
         Remove or connect loose ends and floating parts, until there are as many by volume as in
         the exemplar; `--set prune.target=zero`, or another option of `poresynth prune`, says
@@ -191,6 +195,7 @@ def synthesize(
         "part": _part(part, shell, min_thickness),
         "known": _text(known),
         "known_mask": _text(known_mask),
+        "blockwise": blockwise,
         "prune": {} if prune else None,
         "parameters": _given(
             {"axes": axes, "preset": preset, "threshold": threshold, "solid": solid}

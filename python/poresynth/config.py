@@ -264,6 +264,8 @@ class RunConfig(_Model):
         where they are known.
     mask_unit : str, optional
         Unit of a mesh whose file does not say it, such as mm.
+    blockwise : bool, default False
+        Make and write the volume brick by brick, in bounded memory: other voxels than in one piece.
     prune : PruneConfig, optional
         How the new volume is pruned; not at all unless given.
     part : PartConfig, optional
@@ -291,6 +293,7 @@ class RunConfig(_Model):
     mask_unit: str | None = None
     known: str | None = None
     known_mask: str | None = None
+    blockwise: bool = False
     prune: PruneConfig | None = None
     part: PartConfig | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
@@ -331,8 +334,8 @@ class RunConfig(_Model):
             "orientation-axis": None if self.orientation is None else self.orientation_axis,
         }
         words += flags({**fields, **paths, **self.input.given()})
-        if self.prune is not None:
-            words.append("--prune")
+        words += ["--blockwise"] if self.blockwise else []
+        words += ["--prune"] if self.prune is not None else []
         settings = dict(self.parameters)
         for table, values in (("prune", self.prune), ("part", self.part)):
             changed = {} if values is None else values.model_dump(exclude_defaults=True)

@@ -31,6 +31,8 @@ class Entry:
         Whether `fit` trains a network: it takes long, and reports its progress.
     turns : bool
         Whether `sample` takes fields of orientation and scale.
+    bricks : bool
+        Whether `sample_to` writes a volume brick by brick.
     """
 
     module: str
@@ -39,10 +41,11 @@ class Entry:
     most: int = 1
     trains: bool = False
     turns: bool = False
+    bricks: bool = False
 
 
 ENGINES = {
-    "volume": Entry("poresynth.engines.volume_texture", "VolumeTexture", turns=True),
+    "volume": Entry("poresynth.engines.volume_texture", "VolumeTexture", turns=True, bricks=True),
     "solid": Entry("poresynth.engines.solid_texture", "SolidTexture", learns_from="images", most=3),
     "ipfn": Entry(
         "poresynth.engines.periodic_field", "PeriodicField", learns_from="either", trains=True

@@ -12,17 +12,19 @@ import numpy.typing as npt
 
 from poresynth import _core
 from poresynth.engines.base import EnergyRecord, ProgressCallback, SynthesizedVolume
+from poresynth.engines.bricks import EDGE, Wall, lay, margin_of
 from poresynth.engines.coordinates import Coordinates, FieldLike, material_coordinates
 from poresynth.engines.field_choice import choose_field
 from poresynth.engines.grading import follow_map
 from poresynth.engines.phases import Phases
 from poresynth.engines.porosity import PorosityLike
-from poresynth.engines.request import Request
+from poresynth.engines.request import KNOWN_MEMORY, Request
 from poresynth.engines.seam import seam
 from poresynth.engines.settling import settle
 from poresynth.engines.texture_parameters import resolve
 from poresynth.engines.values import channels_first, cut, outside_value, phase_values
 from poresynth.errors import FileError, ParameterError
+from poresynth.io import create, output
 from poresynth.preprocess import validate_voxels
 from poresynth.resources import check_memory
 from poresynth.volume import Volume, as_volume
@@ -282,8 +284,11 @@ class VolumeTexture:
             Where ``known`` counts; shape (z, y, x).
         mask : numpy.ndarray of bool, optional
             The voxels that matter, shape (z, y, x); windows that miss it are not searched, and
-            voxels outside hold the pore's lowest value. Memory goes with the box round it; the
-            match map then covers that box.
+            voxels outside hold the pore's lowest value. A body in a large box is made in bricks
+            of 192³ voxels, those without its inside left out, so that time goes with the inside
+            and memory does not grow beyond that of a brick and the output; there is then no match
+            map. With known voxels or a porosity map memory goes with the box, whose match map
+            it is.
         orientation : Volume, array_like or callable, optional
             Vectors (z, y, x), shape (z, y, x, 3) or coarser, or a function of the voxels' centres
             that gives them: along them runs the exemplar's ``orientation_axis``, stretched by their
@@ -322,21 +327,11 @@ class VolumeTexture:
 
         Peak memory: see `estimate_memory`.
         """
-        self._check_fitted()
+        request = self._request(shape, seed, boundary, porosity, known, known_mask, mask, threads)
         p, phases = self.parameters_, self._phases
-        request = Request.of(
-            shape,
-            least=max(w for w, _ in p.stages()) << (p.levels - 1),
-            exemplar=self.exemplar_,
-            seed=seed,
-            boundary=boundary,
-            porosity=porosity,
-            known=known,
-            known_mask=known_mask,
-            mask=mask,
-            threads=threads,
-        )
         coordinates = self._coordinates(request, orientation, scale, orientation_axis)
+        if coordinates is None and self._goes_in_bricks(request):
+            return self._in_bricks(request, progress)
         if coordinates is None:
             part, where = request.around_domain()
             made = part
@@ -372,9 +367,139 @@ class VolumeTexture:
             request.whole(array, where, outside),
             self.exemplar_.voxel_size,
             self.exemplar_.unit,
-            {"poresynth": self._provenance(request, match_map, made_so)},
+            {"poresynth": self._provenance(request, {**made_so, "copying": _copying(match_map)})},
             match_map=match_map,
             energy=energy,
+        )
+
+    def sample_to(
+        self,
+        path: str | Path,
+        shape: tuple[int, int, int],
+        *,
+        seed: int = 0,
+        porosity: float | None = None,
+        mask: npt.NDArray[np.bool_] | None = None,
+        threads: int = 0,
+        progress: ProgressCallback | None = None,
+        origin: dict[str, Any] | None = None,
+    ) -> dict[str, Any]:
+        """Make a volume and write it brick by brick, however large it is.
+
+        Parameters
+        ----------
+        path : path-like
+            A TIFF, which is not compressed, or a Zarr store.
+        shape, seed, mask, threads, progress
+            As for `sample`.
+        porosity : float, optional
+            Wanted pore fraction, met in each brick to the voxel; the exemplar's by default.
+        origin : dict, optional
+            What else goes into the provenance of the file, JSON-compatible.
+
+        Returns
+        -------
+        dict
+            What is known of the bricks at the end, as of `poresynth.engines.bricks.lay`.
+
+        Raises
+        ------
+        ParameterError
+            If an argument is out of range, or the exemplar has several channels.
+        FileError
+            If the file cannot be written; nothing partial is left.
+        KeyboardInterrupt
+            On Ctrl-C, at once.
+
+        Notes
+        -----
+        Peak memory: that of a brick of 192³ voxels with its margin, some 0.6 GB, whatever the
+        shape; and the mask.
+        """
+        request = self._request(shape, seed, "open", porosity, None, None, mask, threads)
+        if request.porosity_map is not None:
+            allowed = "must be a number where a volume is written brick by brick"
+            raise ParameterError("porosity", "a map", allowed)
+        exemplar = self.exemplar_
+        check_memory(self._brick_memory(), "a brick")
+        made_by = self._provenance(
+            request, {"bricks": {"edge": EDGE, "margin": margin_of(request.least)}}
+        )
+        blank = np.broadcast_to(np.zeros((), exemplar.dtype), request.shape)
+        metadata = {"poresynth": {**made_by, **(origin or {})}}
+        like = Volume(blank, exemplar.voxel_size, exemplar.unit, metadata)
+        with create(path, like) as file:
+            return self._lay(file, request, progress)
+
+    def _goes_in_bricks(self, request: Request) -> bool:
+        """Return whether the box round a body takes more memory than bricks of its inside."""
+        plain = request.boundary == "open" and request.porosity_map is None
+        if request.domain is None or request.known is not None or not plain:
+            return False
+        return self.estimate_memory(request.around_domain()[0].shape) > self._brick_memory()
+
+    def _brick_memory(self) -> int:
+        edge = EDGE + margin_of(self._least)
+        return self.estimate_memory((edge, edge, edge)) + KNOWN_MEMORY * edge**3
+
+    def _in_bricks(self, request: Request, progress: ProgressCallback | None) -> SynthesizedVolume:
+        exemplar = self.exemplar_
+        output = exemplar.dtype.itemsize * exemplar.channels * int(np.prod(request.shape))
+        check_memory(self._brick_memory() + output, f"a volume of {request.shape}")
+        wall = np.empty(request.shape + exemplar.array.shape[3:], exemplar.dtype)
+        bricks = self._lay(wall, request, progress)
+        return SynthesizedVolume(
+            wall,
+            exemplar.voxel_size,
+            exemplar.unit,
+            {"poresynth": self._provenance(request, {"bricks": bricks})},
+        )
+
+    def _lay(
+        self, wall: Wall, request: Request, progress: ProgressCallback | None
+    ) -> dict[str, Any]:
+        return lay(
+            wall,
+            request.shape,
+            self.sample,
+            least=request.least,
+            seed=request.seed,
+            domain=request.domain,
+            outside=outside_value(self._phases, self.exemplar_.array),
+            progress=progress,
+            porosity=request.porosity,
+            threads=request.threads,
+        )
+
+    @property
+    def _least(self) -> int:
+        """Least edge that the windows take at the coarsest level, voxels."""
+        p = self.parameters_
+        return max(w for w, _ in p.stages()) << (p.levels - 1)
+
+    def _request(
+        self,
+        shape: tuple[int, int, int],
+        seed: int,
+        boundary: Literal["open", "periodic"],
+        porosity: PorosityLike | None,
+        known: Volume | npt.ArrayLike | None,
+        known_mask: npt.NDArray[np.bool_] | None,
+        mask: npt.NDArray[np.bool_] | None,
+        threads: int,
+    ) -> Request:
+        self._check_fitted()
+        return Request.of(
+            shape,
+            least=self._least,
+            exemplar=self.exemplar_,
+            seed=seed,
+            boundary=boundary,
+            porosity=porosity,
+            known=known,
+            known_mask=known_mask,
+            mask=mask,
+            threads=threads,
         )
 
     def _coordinates(
@@ -460,8 +585,6 @@ class VolumeTexture:
         FileError
             If the file cannot be written; nothing partial is left.
         """
-        from poresynth.io.atomic import output
-
         self._check_fitted()
         header = {
             "engine": "volume",
@@ -576,10 +699,7 @@ class VolumeTexture:
         dark = self.field_ == "intensity" and self._phases.kind == "gray"
         return -scores if dark and self._phases.solid == "dark" else scores
 
-    def _provenance(
-        self, request: Request, match_map: MatchMap, made_so: dict[str, Any]
-    ) -> dict[str, Any]:
-        copied, block = match_map.copying()
+    def _provenance(self, request: Request, made_so: dict[str, Any]) -> dict[str, Any]:
         return {
             "version": _core.__version__,
             "engine": "volume",
@@ -589,5 +709,9 @@ class VolumeTexture:
             **request.provenance(),
             **made_so,
             "exemplar": self._phases.provenance(self.exemplar_),
-            "copying": {"copy_fraction": copied, "mean_copied_block": block},
         }
+
+
+def _copying(match_map: MatchMap) -> dict[str, float]:
+    copied, block = match_map.copying()
+    return {"copy_fraction": copied, "mean_copied_block": block}

@@ -180,8 +180,8 @@ def create(path: str | os.PathLike[str], like: Volume) -> Iterator[BlockWriter]:
     Yields
     ------
     BlockWriter
-        ``writer[box] = part`` for boxes of slices; what is not set is 0. The file takes its name
-        at the end of the block.
+        ``writer[box] = part`` for boxes of slices; what is not set is 0. ``writer[box]`` is what
+        was set. The file takes its name at the end of the block.
 
     Raises
     ------
@@ -202,19 +202,31 @@ def create(path: str | os.PathLike[str], like: Volume) -> Iterator[BlockWriter]:
         content = Content(blank, like.voxel_size, spell(like.unit), fields)
         with _one_line(given):
             array = format_.create(place, content)
-        yield BlockWriter(given, format_, array)
+        yield BlockWriter(given, format_, array, like.dtype)
 
 
 class BlockWriter:
-    """What `create` gives: takes parts of a volume by their place."""
+    """What `create` gives: takes parts of a volume by their place, and gives them back."""
 
-    def __init__(self, given: str | os.PathLike[str], format_: Format, array: Any) -> None:
-        self._given, self._format, self._array = given, format_, array
+    def __init__(
+        self,
+        given: str | os.PathLike[str],
+        format_: Format,
+        array: Any,
+        dtype: np.dtype[Any],
+    ) -> None:
+        self._given, self._format, self._array, self._dtype = given, format_, array, dtype
 
-    def __setitem__(self, box: tuple[slice, ...], part: npt.NDArray[Any]) -> None:
+    def __setitem__(self, box: tuple[slice, ...], part: npt.ArrayLike) -> None:
         """Set a part; `FileError` if there is no room for it."""
         with _one_line(self._given):
-            self._array[box] = _stored(self._format, part)
+            self._array[box] = _stored(self._format, np.asarray(part, self._dtype))
+
+    def __getitem__(self, box: tuple[slice, ...]) -> npt.NDArray[Any]:
+        """Return a part as it was set."""
+        with _one_line(self._given):
+            part = np.array(self._array[box])
+        return part != 0 if self._dtype.kind == "b" else part
 
 
 @contextmanager

@@ -46,11 +46,16 @@ def synthesize(run: RunConfig, output: Path, threads: int, report: Path | None) 
     """
     from poresynth import io
 
+    if run.blockwise:
+        _check_blockwise(run, report)
     of_images = ENGINES[run.engine].learns_from == "images"
     with reserve(output, report=report):
         exemplars = read_exemplars(run)
         digests = _check_repetition(run, exemplars)
         domain = read_mask(run.mask, run.mask_unit, exemplars[0])
+        if run.blockwise:
+            _sample_to(run, digests, exemplars[0], domain, output, threads)
+            return
         volume = _sample(run, exemplars, domain, threads)
         if run.prune is not None:
             known = None if run.known_mask is None else read(Path(run.known_mask)).array != 0
@@ -131,12 +136,13 @@ def _sample(
         engine.fit(example)
     if domain is not None:
         check_room(domain, exemplars[0], engine)
-    needed, free = engine.estimate_memory(run.shape), available_memory()
-    check_memory(needed, f"shape {' '.join(map(str, run.shape))}")
-    console.note(
-        f"needs about {format_bytes(needed)} of memory"
-        + ("" if free is None else f"; {format_bytes(free)} is available")
-    )
+    if domain is None:  # Of a body it depends on the inside: the engine looks itself.
+        needed, free = engine.estimate_memory(run.shape), available_memory()
+        check_memory(needed, f"shape {' '.join(map(str, run.shape))}")
+        console.note(
+            f"needs about {format_bytes(needed)} of memory"
+            + ("" if free is None else f"; {format_bytes(free)} is available")
+        )
     with console.progress("synthesis") as progress:
         made = engine.sample(
             run.shape,
@@ -153,6 +159,59 @@ def _sample(
     if domain is not None:
         made.metadata["poresynth"]["domain"] = domain.to_dict()
     return made
+
+
+def _check_blockwise(run: RunConfig, report: Path | None) -> None:
+    """Refuse what needs the whole volume at once."""
+    if not ENGINES[run.engine].bricks:
+        able = ", ".join(name for name, entry in ENGINES.items() if entry.bricks)
+        raise ParameterError("blockwise", run.engine, f"is for the engine {able}")
+    whole = {
+        "report": report,
+        "prune": run.prune,
+        "known": run.known,
+        "scale": run.scale,
+        "orientation": run.orientation,
+        "boundary": None if run.boundary == "open" else run.boundary,
+    }
+    for name, value in whole.items():
+        if value is not None:
+            raise ParameterError(name, value, "needs the whole volume: not with --blockwise")
+
+
+def _sample_to(
+    run: RunConfig,
+    digests: tuple[str, ...],
+    exemplar: Volume,
+    domain: Domain | None,
+    output: Path,
+    threads: int,
+) -> None:
+    """Make and write a volume brick by brick."""
+    from poresynth.report.words import number
+
+    engine: Any = get_engine(run.engine)(**run.parameters).fit(exemplar)
+    origin = {"configuration": run.saved(digests), "command": run.command(output)}
+    if domain is not None:
+        check_room(domain, exemplar, engine)
+        origin["domain"] = domain.to_dict()
+    with console.progress("synthesis") as progress:
+        made = engine.sample_to(
+            output,
+            run.shape,
+            seed=run.seed,
+            porosity=field_of("porosity", run.porosity, run.shape),
+            mask=None if domain is None else domain.mask.array,
+            threads=threads,
+            progress=progress,
+            origin=origin,
+        )
+    console.result(f"new volume: {output}")
+    console.result(f"synthesised: {engine.field_reason_}")
+    rows = [
+        (name, number(value)) for part in ("seam", "copying") for name, value in made[part].items()
+    ]
+    console.figures(f"Made in {made['count']} bricks", rows, ("mean over the bricks", "value"))
 
 
 def _directions(run: RunConfig) -> dict[str, Any]:
