@@ -537,7 +537,8 @@ class VolumeTexture:
             seed=request.seed,
             known=self._known_field(request),
             known_mask=known_mask,
-            domain=request.domain,
+            # Windows that hold known voxels only have nothing to find.
+            domain=request.free,
             threads=request.threads,
             progress=progress,
         )
