@@ -97,7 +97,7 @@ def test_a_configuration_is_frozen() -> None:
     ("change", "says"),
     [
         ({"sede": 1}, "sede = 1: is no key of the configuration; did you mean seed"),
-        ({"zzz": 1}, "known are boundary, engine"),
+        ({"zzz": 1}, "known are blockwise, boundary, engine"),
         ({"input": {"downsampel": 2}}, "did you mean input.downsample"),
         ({"parameters": {"level": 2}}, "no parameter of the engine volume; did you mean levels"),
         ({"shape": [1, 2]}, "shape"),
