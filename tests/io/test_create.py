@@ -39,6 +39,9 @@ def test_parts_are_the_whole(
     with io.create(tmp_path / name, like(volume)) as writer:
         for box in parts(array.shape, 9):
             writer[box] = array[box]
+            back = writer[box]
+            assert back.dtype == array.dtype
+            np.testing.assert_array_equal(back, array[box])
     found = io.read(tmp_path / name)
     assert found.dtype == array.dtype
     assert np.array_equal(found.array, array)
