@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from poresynth import io
+from poresynth import io, meshes
 from poresynth.cli import main
 from poresynth.exemplars import spinodal
+from poresynth.meshes import check, isosurface
 from poresynth.volume import Volume
 
 MICRO = [
@@ -84,3 +85,40 @@ def test_several_images_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     said = refused(capsys, "synthesize", "image.png", "image.png", "-o", "new.png", "--engine",
                    "ipfn", "--shape", 1, 20, 20)  # fmt: skip
     assert "learns from one volume or image" in said
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".3mf"])
+def test_a_mesh_is_learned_and_meshed_finer_than_its_voxels(
+    suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gray = spinodal((24, 26, 28), porosity=0.55, wavelength=8).array
+    solid = np.pad((gray > np.quantile(gray, 0.55)).astype(np.float32), 1) - 0.5
+    body = isosurface(solid, voxel_size=(0.1, 0.1, 0.1), unit="mm")
+    meshes.write(f"body{suffix}", body)
+    command = ["train", f"body{suffix}", "-o", "model", "--engine", "ipfn", "--set", *MICRO]
+    said = refused(capsys, *command)
+    assert said.startswith("voxel_size = (not given): is needed, z y x")
+    said = refused(capsys, *command, "--voxel-size", 9, 9, 9, "--unit", "mm")
+    assert said.startswith(f"exemplar = body{suffix}: 2.8 × 2.6 × 2.4 mm: must be")
+    run(*command, "--voxel-size", 0.1, 0.1, 0.1, "--unit", "mm")
+    run("sample", "model", "-o", "new.npz", "--shape", 20, 20, 20)
+    made = io.read("new.npz")
+    assert (made.dtype, made.unit, made.voxel_size) == (np.dtype(bool), "mm", (0.1,) * 3)
+    run("sample", "model", "-o", "field.tif", "--shape", 40, 40, 40, "--cut-at", "none",
+        "--set", "resolution=2")  # fmt: skip
+    field = io.read("field.tif")
+    assert (field.dtype, field.voxel_size) == (np.dtype(np.float32), (0.05,) * 3)
+    assert field.metadata["poresynth"]["cut_at"] == "none"
+    run("mesh", "field.tif", "-o", "part.stl", "--threshold", 0, "--keep", "all")
+    report = check(meshes.read("part.stl"))
+    assert report.printable
+    share = report.volume / 2.0**3
+    assert share == pytest.approx(float((field.array > 0).mean()), rel=0.05)
+
+
+def test_a_field_is_not_cut(capsys: pytest.CaptureFixture[str]) -> None:
+    run("train", "image.png", "-o", "model", "--engine", "ipfn", "--set", *MICRO)
+    command = ["sample", "model", "-o", "a.tif", "--shape", 1, 9, 9, "--cut-at", "none"]
+    for words in (["--porosity", 0.4], ["--prune"], ["--blockwise"], ["--report", "out"]):
+        assert "not with --cut-at none" in refused(capsys, *command, *words)
+    assert not Path("a.tif").exists()

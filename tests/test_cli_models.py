@@ -124,6 +124,11 @@ def test_a_sample_is_graded_and_pruned(capsys: pytest.CaptureFixture[str]) -> No
     assert origin["pruning"]["after"]["porosity"] == pytest.approx(0.55, abs=0.01)
     assert "--porosity z=0.45:0.65 --prune" in origin["command"]
     assert "prune" in refused(capsys, "sample", "model", "-o", "b.zarr", *words, "--blockwise")
+    said = refused(capsys, "sample", "model", "-o", "b.tif", *words[:4], "--cut-at", "none")
+    assert (
+        said == "cut_at = none: is for models of ipfn, which have a field; this is one of "
+        "scaffoldgan"
+    )
 
 
 def test_synthesize_trains_and_samples(capsys: pytest.CaptureFixture[str]) -> None:

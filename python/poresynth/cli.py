@@ -113,8 +113,9 @@ def synthesize(
     Parameters
     ----------
     exemplar
-        The example, in any format that `poresynth` reads: one volume for the engine volume; one
-        image, or up to three of planes in different directions, for the engine solid.
+        The example, in any format that `poresynth` reads: one volume, or a closed mesh with a
+        `--voxel-size`, for the engine volume; one image, or up to three of planes in different
+        directions, for the engine solid.
     output
         The new volume; its suffix picks the format.
     shape
@@ -249,7 +250,8 @@ def train(
     Parameters
     ----------
     exemplar
-        The example: a volume in any format that `poresynth` reads; for ipfn also an image.
+        The example: a volume in any format that `poresynth` reads, or a closed mesh (STL, PLY, OBJ,
+        3MF) with a `--voxel-size`; for ipfn also an image.
     output
         Folder of the model.
     engine
@@ -292,7 +294,7 @@ def sample(
     seed: int = 0,
     periodic: Annotated[bool, Parameter(negative="--open")] = False,
     porosity: str | None = None,
-    cut_at: Literal["porosity", "exemplar"] = "porosity",
+    cut_at: Literal["porosity", "exemplar", "none"] = "porosity",
     prune: Annotated[bool, Parameter(negative="")] = False,
     blockwise: bool = False,
     device: str = "auto",
@@ -309,6 +311,9 @@ def sample(
         poresynth sample bone-model -o large.zarr --shape 1024 1024 1024 --blockwise
 
         poresynth sample foam-model -o graded.tif --shape 96 96 256 --set guidance=0.1,0.9
+
+        poresynth sample foam-model -o field.tif --shape 192 192 192 --set resolution=2
+            --cut-at none
 
     Parameters
     ----------
@@ -327,7 +332,8 @@ def sample(
         [default: the exemplar's own]
     cut_at
         porosity: as the exemplar has it, exactly; exemplar: at the exemplar's threshold, with the
-        porosity that the network came to. Both are reported.
+        porosity that the network came to. Both are reported. none: the field of ipfn itself; of
+        distances, `poresynth mesh --threshold 0` lays a smooth surface at any resolution.
     prune
         Remove or connect loose ends and floating parts, until there are as many by volume as in
         the exemplar.

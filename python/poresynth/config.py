@@ -116,6 +116,8 @@ class ReadConfig(_Model):
 class InputConfig(ReadConfig):
     """How an exemplar is read and prepared.
 
+    A closed mesh needs a voxel size, in the mesh's unit unless a file of 3MF says another.
+
     Parameters
     ----------
     crop : (str, str, str), optional

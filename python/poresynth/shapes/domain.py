@@ -72,6 +72,7 @@ def read_domain(
     unit: str = "voxel",
     body_unit: str | None = None,
     margin: int = 1,
+    name: str = "mask",
     progress: Progress | None = None,
 ) -> Domain:
     """Read where a part may be, from a mask or from a closed body.
@@ -91,6 +92,8 @@ def read_domain(
         have a unit and the file has none; where neither has, a unit of the mesh is a voxel.
     margin : int, default 1
         Empty voxels around a body on each side; with one its surface is closed inside the volume.
+    name : str, default "mask"
+        What the caller calls it, for the messages.
     progress : callable, optional
         ``progress(stage, fraction)``; what it raises ends the work.
 
@@ -117,13 +120,13 @@ def read_domain(
     if margin < 0:
         raise ParameterError("margin", margin, "must be at least 0")
     if Path(path).suffix.lower() in READABLE:
-        return _from_body(path, size, unit, body_unit, margin, progress)
+        return _from_body(path, size, unit, body_unit, margin, name, progress)
     volume = io.read(path)
     if volume.channels != 1:
-        raise ParameterError("mask", f"{path}: {volume.channels} channels", "must have one")
+        raise ParameterError(name, f"{path}: {volume.channels} channels", "must have one")
     inside = volume.array.reshape(volume.shape) != 0
     if not inside.any():
-        raise ParameterError("mask", path, "must not be 0 everywhere")
+        raise ParameterError(name, path, "must not be 0 everywhere")
     if volume.unit == "voxel" and volume.voxel_size == (1.0, 1.0, 1.0):
         volume = Volume(inside, size, unit)
     return Domain(Volume(inside, volume.voxel_size, volume.unit), (0.0, 0.0, 0.0), str(path))
@@ -135,9 +138,10 @@ def _from_body(
     unit: str,
     body_unit: str | None,
     margin: int,
+    name: str,
     progress: Progress | None,
 ) -> Domain:
-    body = _in_unit(read_body(path, unit=body_unit), path, size, unit)
+    body = _in_unit(read_body(path, unit=body_unit), path, size, unit, name)
     low, high = body.mesh.bounds[:, ::-1]
     edges = np.array(size)
     # Coordinates in float32 do not make a body a voxel longer.
@@ -146,23 +150,23 @@ def _from_body(
     voxels = f"voxels of {' × '.join(f'{edge:g}' for edge in dict.fromkeys(size))} {unit}"
     if across.min() < SMALLEST:
         allowed = f"must be at least {SMALLEST} {voxels} across; is its unit right?"
-        raise ParameterError("mask", f"{path}: {extent} {body.mesh.unit}", allowed)
+        raise ParameterError(name, f"{path}: {extent} {body.mesh.unit}", allowed)
     across += 2 * margin
     if across.prod() > MOST_VOXELS:
         allowed = f"must not hold more than {MOST_VOXELS:.1e} {voxels}; is its unit right?"
-        raise ParameterError("mask", f"{path}: {extent} {body.mesh.unit}", allowed)
+        raise ParameterError(name, f"{path}: {extent} {body.mesh.unit}", allowed)
     corner = (low + high) / 2 - across * edges / 2
     shape = (int(across[0]), int(across[1]), int(across[2]))
     origin = (float(corner[0]), float(corner[1]), float(corner[2]))
     mask = voxelise(body.mesh, shape, size, origin=origin, progress=progress)
     if not mask.any():
         allowed = f"must hold the centre of a voxel, of {voxels}; it is too thin"
-        raise ParameterError("mask", f"{path}: {extent} {body.mesh.unit}", allowed)
+        raise ParameterError(name, f"{path}: {extent} {body.mesh.unit}", allowed)
     return Domain(Volume(mask, size, unit), origin, str(path), body.repairs)
 
 
 def _in_unit(
-    body: Body, path: str | os.PathLike[str], size: tuple[float, float, float], unit: str
+    body: Body, path: str | os.PathLike[str], size: tuple[float, float, float], unit: str, name: str
 ) -> Body:
     """Return a body in the unit of the voxels."""
     if (body.mesh.unit == "voxel") != (unit == "voxel"):
@@ -175,7 +179,7 @@ def _in_unit(
             f"the file does not say its unit, and a voxel is {max(size):g} {unit}; name it, "
             f"one of {', '.join(NANOMETRES)}"
         )
-        raise ParameterError("unit of the mask", path, allowed)
+        raise ParameterError(f"unit of the {name}", path, allowed)
     return Body(body.mesh.in_unit(unit), body.repairs)
 
 

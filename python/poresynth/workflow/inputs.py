@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from poresynth import console
 from poresynth.engines import ENGINES
 from poresynth.errors import ParameterError
 from poresynth.workflow.files import crop, read
@@ -22,16 +23,40 @@ _CHANNELS = 4
 def read_exemplar(path: Path, source: InputConfig, *, image: bool = False) -> Volume:
     """Read an exemplar, cropped and reduced as the command line asks for it.
 
-    Where an image is wanted, a plain array (y, x, channel) is one.
+    A closed mesh is the voxels inside it. Where an image is wanted, a plain array (y, x, channel)
+    is one.
     """
     from poresynth import preprocess
+    from poresynth.meshes import READABLE
 
-    volume = read(path, source)
+    is_mesh = path.suffix.lower() in READABLE
+    volume = _read_mesh(path, source) if is_mesh else read(path, source)
     if image and volume.array.ndim == 3 and volume.shape[2] <= _CHANNELS < min(volume.shape[:2]):
         volume = volume.with_array(volume.array[None])
     if source.crop is not None:
         volume = crop(volume, source.crop)
     return preprocess.downsample(volume, source.downsample) if source.downsample > 1 else volume
+
+
+def _read_mesh(path: Path, source: InputConfig) -> Volume:
+    """Return the inside of a closed mesh in its box, in voxels of the size that is given."""
+    from poresynth.shapes import read_domain
+
+    if source.voxel_size is None:
+        allowed = "is needed, z y x in the mesh's unit or that of --unit, to make voxels of a mesh"
+        raise ParameterError("voxel_size", "(not given)", allowed)
+    inside = read_domain(
+        path,
+        voxel_size=source.voxel_size,
+        unit=source.unit or "voxel",
+        # Of meshes only 3MF says its own.
+        body_unit=None if path.suffix.lower() == ".3mf" else source.unit,
+        margin=0,
+        name="exemplar",
+    )
+    for said in inside.notes:
+        console.note(f"{path}: {said}")
+    return inside.mask
 
 
 def read_exemplars(run: RunConfig) -> list[Volume]:

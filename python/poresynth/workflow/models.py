@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import os
 import shlex
@@ -117,7 +116,7 @@ def sample(
     seed: int,
     boundary: Literal["open", "periodic"],
     porosity: float | str | None,
-    cut_at: Literal["porosity", "exemplar"],
+    cut_at: Literal["porosity", "exemplar", "none"],
     prune: bool,
     blockwise: bool,
     device: str,
@@ -134,7 +133,8 @@ def sample(
     output : Path
         The new volume.
     shape, seed, boundary, cut_at, threads
-        As of `poresynth.engines.neural.engine.NeuralEngine.sample`.
+        As of `poresynth.engines.neural.engine.NeuralEngine.sample`. Cut at "none", it is the field
+        of `poresynth.engines.periodic_field.PeriodicField.sample_field`.
     porosity : float or str, optional
         A number, or a map as `poresynth.workflow.domains.field_of` takes it.
     prune : bool
@@ -156,10 +156,10 @@ def sample(
     from poresynth import io
     from poresynth.config import PruneConfig
 
-    if blockwise and report is not None:
-        raise ParameterError("report", report, "needs the whole volume: not with --blockwise")
-    if blockwise and prune:
-        raise ParameterError("prune", prune, "needs the whole volume: not with --blockwise")
+    whole = {"report": report, "prune": prune or None}
+    _refuse(blockwise, whole, "needs the whole volume: not with --blockwise")
+    cut = {**whole, "porosity": porosity, "blockwise": blockwise or None}
+    _refuse(cut_at == "none", cut, "is for volumes that are cut: not with --cut-at none")
     wanted: dict[str, Any] = {
         "seed": seed,
         "boundary": boundary,
@@ -176,7 +176,7 @@ def sample(
     }
     with reserve(output, report=report):
         engine = load_model(model, device=device)
-        wanted |= _sampling_options(engine, options, known=wanted)
+        wanted |= _sampling_options(engine, options)
         with console.progress("sampling") as progress:
             if blockwise:
                 found = engine.sample_to(output, shape, progress=progress, origin=origin, **wanted)
@@ -184,7 +184,10 @@ def sample(
                 for name, value in found.items():
                     console.result(f"{name}: {value:.4f}")
                 return
-            volume = engine.sample(shape, progress=progress, **wanted)
+            if cut_at == "none":
+                volume = _field(engine, shape, progress=progress, **wanted)
+            else:
+                volume = engine.sample(shape, progress=progress, **wanted)
         if prune:
             volume = prune_new(
                 volume,
@@ -197,21 +200,35 @@ def sample(
         volume.metadata["poresynth"].update(origin)
         io.write(output, volume)
         console.result(f"new volume: {output}")
+        if cut_at == "none":
+            return
         raw = volume.metadata["poresynth"]["raw_porosity"]
         console.result(f"porosity at the exemplar's threshold: {raw:.4f}")
         judge([engine.exemplar_], volume, threads, report, beside_images=False)
 
 
-def _sampling_options(
-    engine: Any, options: Mapping[str, Any], known: Mapping[str, Any]
-) -> dict[str, Any]:
+def _refuse(ruled_out: bool, given: Mapping[str, Any], allowed: str) -> None:
+    for name, value in given.items():
+        if ruled_out and value is not None:
+            raise ParameterError(name, value, allowed)
+
+
+def _field(engine: Any, shape: tuple[int, int, int], **wanted: Any) -> Any:
+    """Return the field that a volume is cut from."""
+    if not hasattr(engine, "sample_field"):
+        allowed = f"is for models of ipfn, which have a field; this is one of {engine.engine}"
+        raise ParameterError("cut_at", "none", allowed)
+    del wanted["cut_at"], wanted["porosity"]
+    return engine.sample_field(shape, **wanted)
+
+
+def _sampling_options(engine: Any, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options as the engine takes them: lists as tuples, names of files as maps."""
-    names = inspect.signature(engine.sample).parameters.keys() - known.keys()
-    taken = names & inspect.signature(engine.sample_to).parameters.keys() - {"shape", "progress"}
     found: dict[str, Any] = {}
     for name, value in options.items():
-        if name not in taken:
-            allowed = f"is no option of sampling by {engine.engine}; known are {sorted(taken)}"
+        if name not in engine.sampling_options:
+            known = ", ".join(sorted(engine.sampling_options))
+            allowed = f"is no option of sampling by {engine.engine}; known are {known}"
             raise ParameterError(name, value, allowed)
         found[name] = tuple(value) if isinstance(value, list) else value
         if name == "guidance" and isinstance(value, str):

@@ -89,6 +89,8 @@ class NeuralEngine(ABC):
     """
 
     engine: ClassVar[str]
+    sampling_options: ClassVar[frozenset[str]] = frozenset({"start"})
+    """Arguments of `sample` and `sample_to` that other engines do not have."""
 
     extras: Mapping[str, torch.Tensor] = MappingProxyType({})
     """What a model holds beside generator and exemplar; a subclass fills it before `fit`."""
@@ -539,7 +541,7 @@ class NeuralEngine(ABC):
         return self._tiles(self.generator_, request.seed, request.shape, request.boundary, options)
 
     def _provenance(
-        self, request: Request, cut_at: Cut, start: Shape, options: Any
+        self, request: Request, cut_at: Cut | Literal["none"], start: Shape, options: Any
     ) -> dict[str, Any]:
         return {
             "version": _core.__version__,

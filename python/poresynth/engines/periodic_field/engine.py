@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
 
@@ -19,7 +20,7 @@ from poresynth.engines.neural.scaling import Scaling
 from poresynth.engines.neural.tiles import Tiles, assemble
 from poresynth.engines.neural.training import Step
 from poresynth.engines.periodic_field.generator import Generator
-from poresynth.engines.periodic_field.guidance import Factors, Guidance
+from poresynth.engines.periodic_field.guidance import Factors
 from poresynth.engines.periodic_field.latent import LatentField
 from poresynth.engines.periodic_field.options import FieldOptions
 from poresynth.engines.periodic_field.parameters import FieldParameters, Preset, resolve
@@ -30,6 +31,7 @@ from poresynth.engines.periodic_field.training import FieldStep
 from poresynth.engines.porosity import PorosityLike
 from poresynth.engines.request import Request
 from poresynth.errors import ParameterError
+from poresynth.resources import check_memory
 from poresynth.volume import Volume, as_volume
 
 if TYPE_CHECKING:
@@ -171,6 +173,9 @@ compile, device, evaluate_every, patience, training_seed
     """
 
     engine: ClassVar[str] = "ipfn"
+    sampling_options: ClassVar[frozenset[str]] = frozenset(
+        {"start", *(option.name for option in fields(FieldOptions))}
+    )
     parameters_: FieldParameters
 
     def __init__(
@@ -284,19 +289,19 @@ compile, device, evaluate_every, patience, training_seed
         progress: ProgressCallback | None = None,
         cut_at: Cut | None = None,
         start: Shape = (0, 0, 0),
-        guidance: Guidance | None = None,
-        noise_scale: float = 1.0,
-        latent: Literal["random", "constant"] = "random",
-        mirrored: bool = False,
-        resolution: float = 1.0,
-        whole: Shape | None = None,
+        **options: Any,
     ) -> SynthesizedVolume:
-        """Make an image or a volume: a window of an endless one that the seed stands for."""
+        """Make an image or a volume: a window of an endless one that the seed stands for.
+
+        As `poresynth.engines.neural.engine.NeuralEngine.sample`; ``options`` are those of
+        `poresynth.engines.periodic_field.options.FieldOptions`. By default colours are cut nowhere,
+        all else at the exemplar's porosity.
+        """
         if known is not None or known_mask is not None:
             raise ParameterError("known", "given", "cannot be kept by a neural engine")
-        options = FieldOptions(guidance, noise_scale, latent, mirrored, resolution, whole)
+        chosen = FieldOptions.of(options)
         request = self._request(shape, seed, boundary, porosity, mask, threads)
-        return self._sample(request, self._cut(cut_at, porosity), start, progress, options)
+        return self._sample(request, self._cut(cut_at, porosity), start, progress, chosen)
 
     def sample_to(
         self,
@@ -311,22 +316,17 @@ compile, device, evaluate_every, patience, training_seed
         cut_at: Cut | None = None,
         start: Shape = (0, 0, 0),
         origin: dict[str, Any] | None = None,
-        guidance: Guidance | None = None,
-        noise_scale: float = 1.0,
-        latent: Literal["random", "constant"] = "random",
-        mirrored: bool = False,
-        resolution: float = 1.0,
-        whole: Shape | None = None,
+        **options: Any,
     ) -> dict[str, float]:
         """Make a volume and write it block by block, however large it is.
 
         As `poresynth.engines.neural.engine.NeuralEngine.sample_to`, with the arguments of `sample`.
         Not for several channels.
         """
-        options = FieldOptions(guidance, noise_scale, latent, mirrored, resolution, whole)
+        chosen = FieldOptions.of(options)
         request = self._request(shape, seed, boundary, porosity, None, threads)
         cut_at = self._cut(cut_at, porosity)
-        return self._sample_to(path, request, cut_at, start, progress, origin, options)
+        return self._sample_to(path, request, cut_at, start, progress, origin, chosen)
 
     def sample_field(
         self,
@@ -337,38 +337,34 @@ compile, device, evaluate_every, patience, training_seed
         threads: int = 0,
         progress: ProgressCallback | None = None,
         start: Shape = (0, 0, 0),
-        guidance: Guidance | None = None,
-        noise_scale: float = 1.0,
-        latent: Literal["random", "constant"] = "random",
-        mirrored: bool = False,
-        resolution: float = 1.0,
-        whole: Shape | None = None,
+        **options: Any,
     ) -> Volume:
         """Return the field itself, which `sample` cuts.
 
         Parameters
         ----------
-        shape, seed, boundary, threads, progress, start, guidance, noise_scale, latent, mirrored, \
-resolution, whole
+        shape, seed, boundary, threads, progress, start, **options
             As of `sample`.
 
         Returns
         -------
         Volume
-            float32. Of distances: to the surface in voxels of the exemplar, positive in the solid,
-            up to ``clip``; a surface at level 0 can be meshed at any resolution. Of intensities:
-            from −1 to 1, with ``threshold`` where the phases part, and a last axis of channels if
-            there are several.
+            float32, with the provenance. Of distances: to the surface in voxels of the exemplar,
+            positive in the solid, up to ``clip``; a surface at level 0 can be meshed at any
+            resolution. Of intensities: from −1 to 1, with ``threshold`` where the phases part, and
+            a last axis of channels if there are several.
         """
-        options = FieldOptions(guidance, noise_scale, latent, mirrored, resolution, whole)
+        chosen = FieldOptions.of(options)
         request = self._request(shape, seed, boundary, None, None, threads)
-        tiles = self._tiles(self.generator_, request.seed, request.shape, boundary, options)
+        tiles = self._tiles(self.generator_, request.seed, request.shape, boundary, chosen)
+        check_memory(self.estimate_memory(request.shape), f"a field of {request.shape}")
         report = None if progress is None else lambda share: progress("sampling", share)
         field = assemble(tiles, start, request.shape, threads=threads, progress=report)
         if isinstance(self._scaling, DistanceScaling):
             field *= np.float32(self._scaling.clip)
         array = field[0] if len(field) == 1 else np.ascontiguousarray(np.moveaxis(field, 0, -1))
-        return Volume(array, self._voxel_size(options), self.exemplar_.unit)
+        made_by = {"poresynth": self._provenance(request, "none", start, chosen)}
+        return Volume(array, self._voxel_size(chosen), self.exemplar_.unit, made_by)
 
     @property
     def period_(self) -> tuple[float, ...]:
@@ -499,7 +495,7 @@ resolution, whole
         return (z, y, x)
 
     def _provenance(
-        self, request: Request, cut_at: Cut, start: Shape, options: Any
+        self, request: Request, cut_at: Cut | Literal["none"], start: Shape, options: Any
     ) -> dict[str, Any]:
         made, whole = cast(Generator, self.generator_), options.whole or request.shape
         _, stretch = self._frame(made, whole, request.boundary, options)
