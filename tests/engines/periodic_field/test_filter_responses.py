@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from poresynth.engines.periodic_field.responses import ResponseLoss, _filters, _lines
-from poresynth.engines.periodic_field.windows import draw_windows
+from poresynth.engines.periodic_field.windows import Windows
 
 OPTIONS = {
     "reach": 20,
@@ -33,14 +33,14 @@ def blobs(axes: int = 2, channels: int = 1, seed: int = 0, edge: int = 48) -> to
 
 def loss_of(exemplar: torch.Tensor, **options: object) -> ResponseLoss:
     random = torch.Generator().manual_seed(1)
-    return ResponseLoss(exemplar, random=random, **{**OPTIONS, **options})  # type: ignore[arg-type]
+    return ResponseLoss(Windows(exemplar), random=random, **{**OPTIONS, **options})  # type: ignore[arg-type]
 
 
 def mean_loss(loss: ResponseLoss, field: torch.Tensor) -> float:
     random = torch.Generator().manual_seed(2)
     found = []
     for grid in range(len(loss.offsets)):
-        windows = draw_windows(field, list(loss.offsets[grid]), loss.places, random)
+        windows = Windows(field).draw(list(loss.offsets[grid]), loss.places, random)
         found.append(float(loss(windows, grid)))
     return float(np.mean(found))
 
@@ -49,7 +49,7 @@ def mean_loss(loss: ResponseLoss, field: torch.Tensor) -> float:
 def test_responses_are_weighted_sums_at_the_nodes(axes: int, channels: int) -> None:
     field = blobs(axes, channels)
     loss = loss_of(field)
-    windows = draw_windows(field, list(loss.offsets[1]), 10, torch.Generator().manual_seed(3))
+    windows = Windows(field).draw(list(loss.offsets[1]), 10, torch.Generator().manual_seed(3))
     found = loss._responses(windows, 1)
     weights = loss._weights[1].reshape(32, channels, *[4] * axes)
     for place, filter_ in itertools.product(range(10), range(32)):
@@ -64,7 +64,7 @@ def test_the_exemplars_responses_are_sorted_quantiles() -> None:
     field = blobs()
     loss = loss_of(field, places=64)
     random = torch.Generator().manual_seed(9)
-    windows = draw_windows(field, list(loss.offsets[2]), 40_000, random)
+    windows = Windows(field).draw(list(loss.offsets[2]), 40_000, random)
     many = (windows.flatten(1) @ loss._weights[2].T).numpy()
     expected = np.quantile(many, (np.arange(64) + 0.5) / 64, axis=0)
     assert (np.diff(loss._tables[2].numpy(), axis=0) >= 0).all()
@@ -147,7 +147,7 @@ def test_windows_are_the_exemplar_at_the_offsets(axes: int) -> None:
     # Every value says where it comes from.
     field = torch.arange(2 * int(np.prod(edges))).reshape(2, *edges)
     offsets = [torch.tensor([0, 1, 3]), torch.tensor([0, 4]), torch.tensor([0, 2, 5, 8])][:axes]
-    windows = draw_windows(field, offsets, 40, torch.Generator().manual_seed(1))
+    windows = Windows(field).draw(offsets, 40, torch.Generator().manual_seed(1))
     assert windows.shape == (40, 2, *[len(o) for o in offsets])
     corners = set()
     for window in windows:
@@ -158,3 +158,30 @@ def test_windows_are_the_exemplar_at_the_offsets(axes: int) -> None:
     # Along the second axis there is no room.
     assert {c[1] for c in corners} == {0}
     assert {c[0] for c in corners} == {0, 1, 2, 3}
+
+
+@pytest.mark.parametrize("patch", [2, 4, 6])
+def test_a_window_has_the_factor_of_a_patch_that_it_lies_in_or_holds(patch: int) -> None:
+    edges = (9, 8)
+    field = torch.arange(72).reshape(1, *edges)
+    windows = Windows(field, -field, patch)
+    offsets = [torch.tensor([0, 1, 3]), torch.tensor([0, 3])]
+    drawn = windows.draw(offsets, 300, torch.Generator().manual_seed(1))
+    assert drawn.shape == (300, windows.channels, 3, 2)
+    pairs = set()
+    for own, factor in drawn:
+        corner = np.unravel_index(int(own[0, 0]), edges)
+        assert (factor == factor[0, 0]).all()
+        middle = np.unravel_index(-int(factor[0, 0]), edges)
+        first = [int(m) - patch // 2 for m in middle]
+        assert all(0 <= f <= edge - patch for f, edge in zip(first, edges, strict=True))
+        room = patch - 4
+        for c, f, edge in zip(corner, first, edges, strict=True):
+            at_border = room < 0 and int(c) in (0, edge - 4)
+            assert min(room, 0) <= int(c) - f <= max(room, 0) or at_border
+        pairs.add((corner, middle))
+    assert len(pairs) >= 30
+    random = torch.Generator().manual_seed(1)
+    guides = windows.guides(offsets, 300, random)
+    assert guides is not None
+    torch.testing.assert_close(guides, drawn[:, 1:])

@@ -192,6 +192,7 @@ compile, device, evaluate_every, patience, training_seed
         period: Literal["exemplar", "crop"] | float | tuple[float, ...] | None = None,
         learn_period: bool | None = None,
         shift: Literal["period", "paper", "none"] | None = None,
+        encoded: Literal["clear", "all"] | None = None,
         bandwidth: int | None = None,
         diagonal: bool | None = None,
         width: int | None = None,
@@ -433,6 +434,8 @@ compile, device, evaluate_every, patience, training_seed
             generator.start.copy_(torch.tensor(period.length))
             spacing = [p.spacing or SPACING[clear] for clear in period.clear]
             generator.spacing.copy_(torch.tensor(spacing))
+            if p.encoded == "clear":
+                generator.encoded.copy_(torch.tensor(period.clear))
             return FieldStep(
                 p,
                 flat,

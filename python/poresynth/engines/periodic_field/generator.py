@@ -35,6 +35,9 @@ class Generator(nn.Module):
 
     Notes
     -----
+    ``encoded`` is 1 for an axis whose phase the network sees, else 0: then only the latent field
+    tells places along it apart, and no place can be special.
+
     ``scale`` holds a of Eq. 3, one number an axis, relative to ``start``, the period that training
     started from, in pixels or voxels: 1 is that period, 2 half of it. ``spacing`` is the distance
     of the latent field's sites along each axis, as a phase.
@@ -45,6 +48,7 @@ class Generator(nn.Module):
 
     start: Tensor
     spacing: Tensor
+    encoded: Tensor
 
     def __init__(
         self,
@@ -65,6 +69,7 @@ class Generator(nn.Module):
         self.scale = nn.Parameter(torch.ones(axes))
         self.register_buffer("start", torch.ones(axes))
         self.register_buffer("spacing", torch.ones(axes))
+        self.register_buffer("encoded", torch.ones(axes))
         inputs = (axes + len(self.sums)) * encoded_size(bandwidth) + latents + guides
         self.first = nn.Linear(inputs, width)
         hidden: list[nn.Module] = [nn.ReLU()]
@@ -100,16 +105,23 @@ class Generator(nn.Module):
             self.first.weight, [*[size] * self.axes, self.first.in_features - size * self.axes], 1
         )
         rest = latent if guidance is None else torch.cat([latent, guidance.movedim(1, -1)], -1)
-        sums = [encode(_sum(phases, signs), self.bandwidth) for signs in self.sums]
+        sums = [
+            encode(_sum(phases, signs), self.bandwidth) * self._seen(signs) for signs in self.sums
+        ]
         rest = torch.cat([*sums, rest], -1)
         total = F.linear(rest, other, self.first.bias)  # (batch, points, …, width)
         for axis, (phase, weight) in enumerate(zip(phases, own, strict=True)):
-            part = F.linear(encode(phase, self.bandwidth), weight)  # (batch, points, width)
+            code = encode(phase, self.bandwidth) * self.encoded[axis]
+            part = F.linear(code, weight)  # (batch, points, width)
             shape = [1] * self.axes
             shape[axis] = -1
             total = total + part.reshape(len(part), *shape, part.shape[-1])
         out: Tensor = self.last(self.hidden(total)).sigmoid()
         return out.movedim(-1, 1)
+
+    def _seen(self, signs: Sequence[int]) -> Tensor:
+        """Return 1 if every axis of a sum of phases is encoded, else 0."""
+        return self.encoded[[sign != 0 for sign in signs]].prod()
 
     @property
     def frequency(self) -> Tensor:

@@ -131,10 +131,12 @@ class Factors:
     direction : tuple of float
         Coefficients of the line or plane.
     low, high : float
-        The factors, in the user's unit, that the network knows as 0 and 1. Those of a density are
-        the exemplar's own range: 0 where it is least dense, 1 where most.
+        The factors, in the user's unit, that the network knows as 0 and 1. A density is the share
+        of the exemplar's patches that are less dense: 0 the least dense of them, 0.5 their median,
+        1 the densest. Eq. 6 itself, scaled from least to most, has nearly all patches in a small
+        part of its range, and hardly any weight beside the structure.
     mean : float
-        Mean over the exemplar, 0 to 1.
+        Mean over the exemplar, or its patches, 0 to 1.
     """
 
     kind: str
@@ -181,7 +183,7 @@ class Factors:
         if kind == "density":
             if len(phases.labels) > 2:
                 raise ParameterError("guidance", kind, "must not be taken of more than two phases")
-            values = density(phases.phase > 0, crop)
+            values = _ranks(density(phases.phase > 0, crop), crop)
         elif kind == "direction":
             values = implicit_plane([_line(n) for n in flat], direction or ()).reshape(shape)
         else:
@@ -193,10 +195,11 @@ class Factors:
         low, high = float(values.min()), float(values.max())
         if not (np.isfinite(low) and np.isfinite(high) and high > low):
             raise ParameterError("guidance", kind, "must be finite, and not the same everywhere")
-        scaled = ((values - low) / (high - low)).astype(np.float32)
         if kind == "density":
             low, high = 0.0, 1.0
-        return cls(kind, direction or (), low, high, float(scaled.mean())), scaled
+        scaled = ((values - low) / (high - low)).astype(np.float32)
+        mean = 0.5 if kind == "density" else float(scaled.mean())
+        return cls(kind, direction or (), low, high, mean), scaled
 
     def guide(self, guidance: Guidance | None, shape: tuple[int, int, int]) -> Guide:
         """Return the guidance of an output.
@@ -229,6 +232,16 @@ class Factors:
             allowed = f"must be a number, two, or a map of {axes} axes, and finite"
             raise ParameterError("guidance", f"shape {values.shape}", allowed)
         return Guide(((values - self.low) / (self.high - self.low)).astype(np.float32), shape)
+
+
+def _ranks(values: Field, edge: int) -> Field:
+    """Return the share of the patches inside the exemplar whose value is less, 0 to 1."""
+    inner = tuple(
+        slice(edge // 2, n - edge + edge // 2 + 1) if n > 1 else slice(None) for n in values.shape
+    )
+    own = np.sort(values[inner], axis=None)
+    less = (np.searchsorted(own, values, side) for side in ("left", "right"))
+    return np.asarray(sum(less) / (2 * own.size), np.float32)
 
 
 def _line(edge: int) -> npt.NDArray[np.float64]:

@@ -31,6 +31,7 @@ class FieldParameters(TrainingParameters):
     period: Literal["exemplar", "crop"] | Length | tuple[Length, ...] = "exemplar"
     learn_period: bool = True
     shift: Literal["period", "paper", "none"] = "period"
+    encoded: Literal["clear", "all"] = "clear"
     bandwidth: int = Field(1, ge=0, le=12)
     diagonal: bool
     width: int = Field(48, ge=1, le=4096)
@@ -111,6 +112,7 @@ PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
     "paper": {
         axes: {
             "shift": "paper",
+            "encoded": "all",
             "bandwidth": 5,
             "width": 128,
             "depth": 10,

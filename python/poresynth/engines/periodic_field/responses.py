@@ -7,7 +7,7 @@ import math
 import torch
 from torch import Tensor
 
-from poresynth.engines.periodic_field.windows import draw_windows
+from poresynth.engines.periodic_field.windows import Windows
 
 __all__ = ["ResponseLoss"]
 
@@ -34,8 +34,8 @@ class ResponseLoss:
 
     Parameters
     ----------
-    exemplar : Tensor
-        Shape (channel, edge, …).
+    windows : Windows
+        Of the exemplar.
     reach : int
         Largest extent of a grid along an axis, below the edge of the exemplar.
     nodes : int
@@ -63,7 +63,7 @@ class ResponseLoss:
 
     def __init__(
         self,
-        exemplar: Tensor,
+        windows: Windows,
         *,
         reach: int,
         nodes: int,
@@ -73,7 +73,7 @@ class ResponseLoss:
         places: int,
         random: torch.Generator,
     ) -> None:
-        channels, axes = len(exemplar), exemplar.ndim - 1
+        channels, axes, device = windows.channels, windows.field.ndim - 1, windows.field.device
         self.places = places
         self.offsets = torch.stack(
             [_lines(axes, min(nodes, reach + 1), reach, random) for _ in range(grids)]
@@ -81,9 +81,9 @@ class ResponseLoss:
         count = self.offsets.shape[2] ** axes
         self._weights = torch.stack(
             [_filters(filters, channels, count, taps, random) for _ in range(grids)]
-        ).to(exemplar.device)
+        ).to(device)
         self._tables = torch.stack(
-            [self._quantiles(exemplar, grid, random) for grid in range(grids)]
+            [self._quantiles(windows, grid, random) for grid in range(grids)]
         )
 
     def __call__(self, field: Tensor, grid: int) -> Tensor:
@@ -105,11 +105,11 @@ class ResponseLoss:
         """Shape (place, channel, node, …) → (place, filter)."""
         return field.flatten(1) @ self._weights[grid].T
 
-    def _quantiles(self, exemplar: Tensor, grid: int, random: torch.Generator) -> Tensor:
+    def _quantiles(self, windows: Windows, grid: int, random: torch.Generator) -> Tensor:
         """Return sorted responses of the exemplar, shape (place, filter)."""
-        windows = draw_windows(exemplar, list(self.offsets[grid]), _TABLE_PLACES, random)
-        middle = (torch.arange(self.places, device=exemplar.device) + 0.5) / self.places
-        return torch.quantile(self._responses(windows, grid), middle, dim=0)
+        drawn = windows.draw(list(self.offsets[grid]), _TABLE_PLACES, random)
+        middle = (torch.arange(self.places, device=drawn.device) + 0.5) / self.places
+        return torch.quantile(self._responses(drawn, grid), middle, dim=0)
 
 
 def _lines(axes: int, nodes: int, reach: int, random: torch.Generator) -> Tensor:

@@ -20,7 +20,7 @@ from poresynth.engines.periodic_field.generator import Generator
 from poresynth.engines.periodic_field.latent import LatentField
 from poresynth.engines.periodic_field.parameters import FieldParameters
 from poresynth.engines.periodic_field.responses import ResponseLoss
-from poresynth.engines.periodic_field.windows import draw_windows, grid_phases
+from poresynth.engines.periodic_field.windows import Windows, grid_phases
 
 __all__ = ["FieldStep"]
 
@@ -65,9 +65,11 @@ class FieldStep:
     ) -> None:
         p = self.parameters = parameters
         shown = (field + 1) / 2
-        whole = shown if guide is None else np.concatenate([shown, guide])
-        self._exemplar = torch.from_numpy(np.ascontiguousarray(whole))
-        self._channels = len(field)
+        self._windows = Windows(
+            torch.from_numpy(np.ascontiguousarray(shown)),
+            None if guide is None else torch.from_numpy(np.ascontiguousarray(guide)),
+            p.crop if p.guidance == "density" else None,
+        )
         self._latent = latent
         self.evaluate, self.keep = judge, keep
         generator.start_from(shown.reshape(len(field), -1).mean(1).tolist())
@@ -81,7 +83,10 @@ class FieldStep:
         }
         if p.sliced < p.iterations:
             critic = Critic(
-                axes=field.ndim - 1, channels=len(whole), maps=p.critic_maps, crop=p.crop
+                axes=field.ndim - 1,
+                channels=self._windows.channels,
+                maps=p.critic_maps,
+                crop=p.crop,
             )
             networks["critic"] = critic
             optimizers["critic"] = torch.optim.Adam(critic.parameters(), p.learning_rate, p.betas)
@@ -91,12 +96,12 @@ class FieldStep:
         """Move everything to the machine, and sort the exemplar's responses."""
         p = self.parameters
         self._made = {name: machine.ready(network) for name, network in self.networks.items()}
-        self._exemplar = self._exemplar.to(machine.device)
+        self._windows = self._windows.to(machine.device)
         if p.sliced:
             random = torch.Generator()
             random.manual_seed(mix_seed(p.training_seed, _FILTERS))
             self._responses = ResponseLoss(
-                self._exemplar,
+                self._windows,
                 reach=p.reach,
                 nodes=NODES,
                 grids=p.grids,
@@ -125,13 +130,13 @@ class FieldStep:
 
     def _run_adversarial(self, machine: Machine, random: torch.Generator) -> dict[str, Tensor]:
         p, critic = self.parameters, self._made["critic"]
-        offsets = [torch.arange(p.crop)] * (self._exemplar.ndim - 1)
+        offsets = [torch.arange(p.crop)] * (self._windows.field.ndim - 1)
         found: dict[str, Tensor] = {}
 
         def of_critic() -> dict[str, Tensor]:
             with torch.no_grad():
                 fake = self._fake(machine, offsets, machine.part, random)
-            real = draw_windows(self._exemplar, offsets, machine.part, random)
+            real = self._windows.draw(offsets, machine.part, random)
             mix = machine.put(torch.rand(machine.part, generator=random))
             return {"critic": critic_loss(critic, real, fake, mix, p.penalty)}
 
@@ -162,10 +167,7 @@ class FieldStep:
             return machine.put(2 * torch.rand(shape, generator=random) - 1)
 
         latent = self._latent(phases, numbers)
-        guide = None
-        if len(self._exemplar) > self._channels:
-            guides = self._exemplar[self._channels :]
-            guide = draw_windows(guides, offsets, count, random)
+        guide = self._windows.guides(offsets, count, random)
         made: Tensor = self._made["generator"](phases, latent, guide)
         return made if guide is None else torch.cat([made, guide.to(made.dtype)], dim=1)
 
