@@ -39,8 +39,12 @@ bench: $(VENV)/installed-all ## all benchmarks; writes the tables and pictures o
 	$(BIN)/python benches/python/scaling.py
 	$(BIN)/python benches/python/results.py
 	$(BIN)/python benches/python/trade_off.py
+	$(BIN)/python benches/python/bricks.py
+	$(BIN)/python benches/python/known_voxels.py
 	$(BIN)/python benches/python/images.py
 	$(BIN)/python benches/python/gan.py
+	$(BIN)/python benches/python/periodic_field.py
+	$(BIN)/python benches/python/periodic_field_figures.py
 	$(BIN)/python benches/python/opening_picture.py
 
 wheel-test: $(VENV)/installed ## the wheel alone in an empty environment: no torch, a synthesis

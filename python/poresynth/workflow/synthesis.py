@@ -80,7 +80,7 @@ def synthesize(run: RunConfig, output: Path, threads: int, report: Path | None) 
                     f"seam at the known voxels: {ratio:.2f} times the {name.replace('_', ' ')} "
                     "of the exemplar"
                 )
-        for reason in ("field_reason", "mode_reason"):
+        for reason in ("field_reason", "mode_reason", "period_reason"):
             if reason in origin:
                 console.result(f"synthesised: {origin[reason]}")
         if "raw_porosity" in origin:

@@ -105,12 +105,11 @@ def test_the_porosity_is_exact(trained: PeriodicField, porosity: float | None) -
     assert 0 < made.metadata["poresynth"]["raw_porosity"] < 1
 
 
-def test_a_periodic_volume_wraps(trained: PeriodicField) -> None:
-    period = trained.period_
-    shape = tuple(round(t) for t in period)
+def test_a_periodic_volume_of_any_shape_wraps(trained: PeriodicField) -> None:
+    shape = (47, 60, 71)
     made = trained.sample(shape, boundary="periodic", cut_at="exemplar")
     origin = made.metadata["poresynth"]
-    assert all(abs(factor - 1) < 0.02 for factor in origin["stretch"])
+    assert all(abs(factor - 1) < 0.15 for factor in origin["stretch"])
     across = trained.sample(shape, boundary="periodic", cut_at="exemplar", start=(-9, 5, 20))
     np.testing.assert_array_equal(across.array, np.roll(made.array, (9, -5, -20), (0, 1, 2)))
     part = trained.sample(
@@ -119,7 +118,7 @@ def test_a_periodic_volume_wraps(trained: PeriodicField) -> None:
     expected = np.roll(made.array, (3, -2, -50), (0, 1, 2))[:12, :9, :10]
     np.testing.assert_array_equal(part.array, expected)
     with pytest.raises(ParameterError, match="for a periodic output"):
-        trained.sample(tuple(round(1.45 * t) for t in period), boundary="periodic")
+        trained.sample((4, 60, 60), boundary="periodic")
 
 
 def test_a_field_is_had_finer_than_voxels(trained: PeriodicField, volume: Volume) -> None:
@@ -174,18 +173,31 @@ def test_the_noise_scale_changes_the_structure_and_one_does_not(trained: Periodi
     assert slopes[0] > 1.2 * slopes[1]
 
 
-def test_a_constant_latent_tiles_and_a_mirrored_output_is_symmetric(
-    trained: PeriodicField,
-) -> None:
-    shape = tuple(round(t) for t in trained.period_)
-    tile = trained.sample_field(shape, latent="constant", boundary="periodic").array
-    twice = trained.sample_field(
-        tuple(2 * n for n in shape), latent="constant", boundary="periodic", whole=shape
-    ).array
-    np.testing.assert_array_equal(twice, np.tile(tile, (2, 2, 2)))
+def test_a_constant_latent_tiles() -> None:
+    engine = quick(lattice(16, 22), kind="gray")
+    assert engine.period_reason_ == "phases encoded along y, x, where the period is clear or given"
+    shape = (1, *(round(t) for t in engine.period_))
+    options = {"latent": "constant", "boundary": "periodic"}
+    tile = engine.sample_field(shape, **options).array
+    assert tile.std() > 0.1
+    twice = (1, *(2 * n for n in shape[1:]))
+    found = engine.sample_field(twice, **options, whole=shape).array
+    np.testing.assert_array_equal(found, np.tile(tile, (1, 2, 2)))
+
+
+def test_a_mirrored_output_is_symmetric(trained: PeriodicField) -> None:
     mirrored = trained.sample_field((33, 40, 36), mirrored=True).array
     for axis in range(3):
         np.testing.assert_array_equal(mirrored, np.flip(mirrored, axis))
+
+
+def test_a_medium_without_a_period_has_no_place_that_differs(trained: PeriodicField) -> None:
+    assert trained.period_reason_ == "no phase encoded, for along no axis is a period clear"
+    with pytest.raises(ParameterError, match="latent = constant: needs a period that is encoded"):
+        trained.sample((8, 8, 8), latent="constant")
+    asked = quick(blobs(), encoded="all")
+    assert asked.generator_.encoded.all()
+    assert asked.period_reason_.endswith("as asked")
 
 
 def test_a_mask_is_where_it_matters(trained: PeriodicField) -> None:

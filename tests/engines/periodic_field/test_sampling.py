@@ -19,6 +19,7 @@ from poresynth.errors import ParameterError
 
 PERIOD = (10.0, 12.5, 9.0)
 SPACING = (0.5, 1.0, 0.7)
+ENCODED = (True, True, True)
 
 
 def tiles(
@@ -46,7 +47,7 @@ def tiles(
                 weight *= 3
     made.requires_grad_(False)
     latent = LatentField(axes, 2, SPACING[:axes], kind, 0.2)
-    frame = Frame.open(PERIOD[:axes], SPACING[:axes]) if frame is None else frame
+    frame = Frame.open(PERIOD[:axes], SPACING[:axes], ENCODED[:axes]) if frame is None else frame
     return FieldTiles(made, latent, 6, frame, seed=3, guide=guide, **options)
 
 
@@ -99,7 +100,7 @@ def test_seeds_make_different_fields() -> None:
 @pytest.mark.parametrize("kind", ["quintic", "paper"])
 @pytest.mark.parametrize("shape", [(20, 25, 18), (21, 24, 30)])
 def test_a_periodic_output_goes_on_where_it_ends(kind: str, shape: tuple[int, int, int]) -> None:
-    frame, stretch = Frame.open(PERIOD, SPACING).periodic(shape)
+    frame, stretch = Frame.open(PERIOD, SPACING, ENCODED).periodic(shape)
     assert all(0.8 <= factor <= 1.25 for factor in stretch)
     made = tiles(kind=kind, frame=frame)
     first = whole(made, (0, 0, 0), shape)
@@ -112,7 +113,7 @@ def test_a_periodic_output_goes_on_where_it_ends(kind: str, shape: tuple[int, in
 
 def test_a_periodic_output_has_no_step_at_its_seam() -> None:
     shape = (20, 25, 18)
-    frame, _ = Frame.open(PERIOD, SPACING).periodic(shape)
+    frame, _ = Frame.open(PERIOD, SPACING, ENCODED).periodic(shape)
     field = whole(tiles(frame=frame), (0, 0, 0), shape)
     for axis in (1, 2, 3):
         steps = np.abs(np.diff(field, axis=axis))
@@ -122,20 +123,37 @@ def test_a_periodic_output_has_no_step_at_its_seam() -> None:
 
 def test_what_does_not_fit_the_period_is_refused() -> None:
     with pytest.raises(ParameterError, match="must be near 10, 20, 30 … voxels"):
-        Frame.open(PERIOD, SPACING).periodic((15, 25, 18))
+        Frame.open(PERIOD, SPACING, ENCODED).periodic((15, 25, 18))
     with pytest.raises(ParameterError, match="periodic output"):
-        Frame.open(PERIOD, SPACING).periodic((5, 25, 18))
+        Frame.open(PERIOD, SPACING, ENCODED).periodic((5, 25, 18))
 
 
 def test_the_stretch_is_what_it_says() -> None:
-    frame, stretch = Frame.open(PERIOD, SPACING).periodic((22, 25, 18))
+    frame, stretch = Frame.open(PERIOD, SPACING, ENCODED).periodic((22, 25, 18))
     assert stretch == pytest.approx((1.1, 1.0, 1.0))
     assert frame.frequency == pytest.approx((2 / 11, 2 / 12.5, 2 / 9))
     assert frame.sites == (8, 4, 6)
 
 
+def test_an_axis_that_is_not_encoded_repeats_after_any_whole_number_of_cells() -> None:
+    # Cells of 2.5, 6.25 and 3.15 voxels.
+    shape = (16, 25, 19)
+    frame, stretch = Frame.open(PERIOD, SPACING, (False, True, False)).periodic(shape)
+    assert stretch == pytest.approx((16 / 15, 1.0, 19 / 18.9), rel=1e-3)
+    assert frame.sites == (6, 4, 6)
+    made = tiles(frame=frame)
+    made._generator.encoded.copy_(torch.tensor(frame.encoded))
+    first = whole(made, (0, 0, 0), shape)
+    across = whole(made, (-5, -6, -7), shape)
+    np.testing.assert_array_equal(across, np.roll(first, (5, 6, 7), (1, 2, 3)))
+    for axis in (1, 2, 3):
+        steps = np.abs(np.diff(first, axis=axis))
+        seam = np.abs(first.take(0, axis) - first.take(-1, axis))
+        assert seam.max() <= steps.max() * 1.2
+
+
 def test_a_constant_latent_makes_a_field_of_the_encodings_period() -> None:
-    made = tiles(constant=True, frame=Frame.open((10.0, 12.0, 8.0), SPACING))
+    made = tiles(constant=True, frame=Frame.open((10.0, 12.0, 8.0), SPACING, ENCODED))
     field = whole(made, (0, 0, 0), (30, 36, 24))
     assert field.std() > 0.05
     for axis, period in ((1, 10), (2, 12), (3, 8)):
@@ -149,7 +167,7 @@ def test_a_constant_latent_makes_a_field_of_the_encodings_period() -> None:
 def test_a_mirrored_output_is_its_own_mirror_image_and_goes_on(
     shape: tuple[int, int, int],
 ) -> None:
-    made = tiles(frame=Frame.open(PERIOD, SPACING, mirrored=shape))
+    made = tiles(frame=Frame.open(PERIOD, SPACING, ENCODED, mirrored=shape))
     field = whole(made, (0, 0, 0), shape)
     for axis in (1, 2, 3):
         np.testing.assert_array_equal(field, np.flip(field, axis))
@@ -162,7 +180,9 @@ def test_a_mirrored_output_is_its_own_mirror_image_and_goes_on(
 @pytest.mark.parametrize("resolution", [2.0, 4.0, 0.5])
 def test_a_finer_output_is_the_same_field(resolution: float) -> None:
     plain = tiles(axes=2)
-    fine = tiles(axes=2, frame=Frame.open(PERIOD[:2], SPACING[:2], resolution=resolution))
+    fine = tiles(
+        axes=2, frame=Frame.open(PERIOD[:2], SPACING[:2], ENCODED[:2], resolution=resolution)
+    )
     edge = round(12 * resolution)
     found = whole(fine, (0, 0, 0), (1, edge, edge))
     # Means of blocks are the values in their middle, but for what is smaller than a voxel.
@@ -179,7 +199,7 @@ def test_a_finer_output_is_the_same_field(resolution: float) -> None:
 
 def test_a_larger_noise_scale_varies_more_slowly() -> None:
     def slope(scale: float) -> float:
-        frame = Frame.open((1e6, 1e6), (4e-6, 4e-6), noise_scale=scale)
+        frame = Frame.open((1e6, 1e6), (4e-6, 4e-6), ENCODED[:2], noise_scale=scale)
         field = whole(tiles(axes=2, frame=frame), (0, 0, 0), (1, 128, 128))
         return float(np.abs(np.diff(field, axis=-1)).mean())
 

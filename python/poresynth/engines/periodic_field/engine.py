@@ -94,6 +94,11 @@ class PeriodicField(NeuralEngine):
     shift : {"period", "paper", "none"}, default "period"
         How coordinates are shifted in training: over one period of the encoding, which is all that
         there is; by up to 4 half crops (§3); or not (the ablation "w/o shift").
+    encoded : {"clear", "all"}, default "clear"
+        Along which axes the network sees the phase: those along which the exemplar's
+        autocorrelation has a clear peak, or the period is given; or all, as the paper's. A medium
+        without a period has no place that differs from others; without phases its field cannot
+        have one either.
     bandwidth : int, default 1
         i of Eq. 3, the highest octave. High ones print a lattice into media without a period.
     diagonal : bool
@@ -155,6 +160,8 @@ compile, device, evaluate_every, patience, training_seed
         The exemplar's porosity.
     period_ : tuple of float
         Learned period along each axis, pixels or voxels.
+    period_reason_ : str
+        Along which axes it is encoded, and why.
     field_, field_reason_ : str
         What is learned, and why.
     generator_ : Generator
@@ -373,6 +380,19 @@ compile, device, evaluate_every, patience, training_seed
         self._check_fitted()
         return cast(Generator, self.generator_).period
 
+    @property
+    def period_reason_(self) -> str:
+        """Along which axes the phase is encoded, and why, in a few words."""
+        self._check_fitted()
+        made = cast(Generator, self.generator_)
+        axes = "zyx"[3 - made.axes :]
+        seen = [axis for axis, one in zip(axes, made.encoded.tolist(), strict=True) if one]
+        if self.parameters_.encoded == "all":
+            return "phases encoded along all axes, as asked"
+        if not seen:
+            return "no phase encoded, for along no axis is a period clear"
+        return f"phases encoded along {', '.join(seen)}, where the period is clear or given"
+
     def _resolve(self, exemplar: Volume) -> FieldParameters:
         p = resolve(self.parameters, _axes(exemplar))
         edge = min(n for n in exemplar.shape if n > 1)
@@ -457,6 +477,9 @@ compile, device, evaluate_every, patience, training_seed
         whole = shape if o.whole is None else o.whole
         if made.axes == 2 and (shape[0] != 1 or whole[0] != 1):
             raise ParameterError("shape", shape, "must be (1, y, x): the exemplar is an image")
+        if o.latent == "constant" and not made.encoded.any():
+            allowed = "needs a period that is encoded: the exemplar has none, see encoded = 'all'"
+            raise ParameterError("latent", "constant", allowed)
         p, guide = self.parameters_, None
         if p.guidance != "none":
             low, high, mean = self.extras["guidance"].tolist()
@@ -482,6 +505,7 @@ compile, device, evaluate_every, patience, training_seed
         frame = Frame.open(
             generator.period,
             generator.spacing.tolist(),
+            generator.encoded.bool().tolist(),
             noise_scale=options.noise_scale,
             resolution=options.resolution,
             mirrored=edges if options.mirrored else None,
@@ -509,6 +533,7 @@ compile, device, evaluate_every, patience, training_seed
             "field": self.field_,
             "field_reason": self.field_reason_,
             "period": list(self.period_),
+            "period_reason": self.period_reason_,
             "stretch": list(stretch),
         }
 

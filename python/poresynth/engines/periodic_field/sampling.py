@@ -44,6 +44,8 @@ class Frame:
         Phase of one voxel along each axis that the field has.
     spacing : tuple of float
         Distance of the latent field's sites along each axis, as a phase.
+    encoded : tuple of bool
+        Whether the network sees the phase along each axis, or the latent field alone.
     origin : float
         Place of voxel 0 in voxels: not 0 where voxels are smaller or larger than the exemplar's, so
         that the corner of the first voxel stays where it is.
@@ -58,6 +60,7 @@ class Frame:
 
     frequency: tuple[float, ...]
     spacing: tuple[float, ...]
+    encoded: tuple[bool, ...]
     origin: float = 0.0
     period: tuple[int, ...] | None = None
     sites: tuple[int, ...] | None = None
@@ -68,6 +71,7 @@ class Frame:
         cls,
         period: Sequence[float],
         spacing: Sequence[float],
+        encoded: Sequence[bool],
         *,
         noise_scale: float = 1.0,
         resolution: float = 1.0,
@@ -81,6 +85,8 @@ class Frame:
             Learned period along each axis, voxels of the exemplar.
         spacing : sequence of float
             Distance of the latent field's sites along each axis in training, as a phase.
+        encoded : sequence of bool
+            Whether the network sees the phase along each axis.
         noise_scale : float, default 1.0
             How much farther apart they are now.
         resolution : float, default 1.0
@@ -91,6 +97,7 @@ class Frame:
         return cls(
             tuple(2 / (length * resolution) for length in period),
             tuple(noise_scale * cell for cell in spacing),
+            tuple(encoded),
             0.5 - 0.5 * resolution,
             mirrored=None if mirrored is None else tuple(mirrored),
         )
@@ -108,7 +115,8 @@ class Frame:
         Frame
         tuple of float
             Factor on the structure's size along each axis. The encoding must fit a whole number of
-            times, and so must the cells of the latent field, whose spacing changes by itself.
+            times, and so must the cells of the latent field, whose spacing changes by itself. Along
+            an axis that is not encoded only the cells must.
 
         Raises
         ------
@@ -116,20 +124,24 @@ class Frame:
             If a factor is above 1.25 or below its inverse.
         """
         frequency, spacing, sites, stretch = [], [], [], []
-        for edge, rate, cell in zip(shape, self.frequency, self.spacing, strict=True):
-            whole = max(1, round(edge * rate / 2))  # periods
-            factor = edge * rate / (2 * whole)
+        for edge, rate, cell, encoded in zip(
+            shape, self.frequency, self.spacing, self.encoded, strict=True
+        ):
+            unit = 2.0 if encoded else cell  # a period, or a cell, as a phase
+            whole = max(1, round(edge * rate / unit))
+            factor = edge * rate / (unit * whole)
             if not 1 / STRETCH <= factor <= STRETCH:
-                fits = ", ".join(f"{n * 2 / rate:.0f}" for n in (1, 2, 3))
+                fits = ", ".join(f"{n * unit / rate:.0f}" for n in (1, 2, 3))
                 allowed = f"must be near {fits} … voxels: a multiple of the structure's period"
                 raise ParameterError("shape", tuple(shape), f"{allowed}, for a periodic output")
-            frequency.append(2 * whole / edge)
-            sites.append(max(1, round(2 * whole / cell)))
-            spacing.append(2 * whole / sites[-1])
+            frequency.append(unit * whole / edge)
+            sites.append(max(1, round(unit * whole / cell)))
+            spacing.append(unit * whole / sites[-1])
             stretch.append(factor)
         framed = Frame(
             tuple(frequency),
             tuple(spacing),
+            self.encoded,
             self.origin,
             period=tuple(shape),
             sites=tuple(sites),
