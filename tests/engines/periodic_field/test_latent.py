@@ -44,7 +44,7 @@ def grid(axes: int, points: int = 5) -> list[Tensor]:
 @pytest.mark.parametrize("sigma", [0.2, 1.0])
 def test_it_is_equation_4_or_separable(axes: int, kind: str, sigma: float) -> None:
     numbers = Numbers(axes)
-    field = LatentField(axes, 3, SPACING[:axes], kind, sigma)  # type: ignore[arg-type]
+    field = LatentField(axes, 3, 2, SPACING[:axes], kind, sigma)  # type: ignore[arg-type]
     phases = grid(axes)
     found = field(phases, numbers)
     assert found.shape == (2, *[5] * axes, 12)
@@ -53,7 +53,9 @@ def test_it_is_equation_4_or_separable(axes: int, kind: str, sigma: float) -> No
         for index in np.ndindex(*[5] * axes):
             for group in range(3):
                 place = [
-                    float(phases[k][window, index[k]]) / SPACING[k] - offsets[group, k]
+                    # The second group's lattice is twice as fine.
+                    float(phases[k][window, index[k]]) * (1, 2, 1)[group] / SPACING[k]
+                    - offsets[group, k]
                     for k in range(axes)
                 ]
                 expected = twin.latent(
@@ -65,7 +67,7 @@ def test_it_is_equation_4_or_separable(axes: int, kind: str, sigma: float) -> No
 
 def jump(kind: str, sigma: float) -> float:
     """Root mean square step across a face of the cells, over that of the field."""
-    field = LatentField(3, 1, (1.0, 1.0, 1.0), kind, sigma)  # type: ignore[arg-type]
+    field = LatentField(3, 1, 1, (1.0, 1.0, 1.0), kind, sigma)  # type: ignore[arg-type]
     line = torch.linspace(0.05, 7.95, 40, dtype=torch.float64)[None]
     generator = torch.Generator().manual_seed(3)
     table = 2 * torch.rand((1, 1, 64, 12, 12, 12), generator=generator) - 1
@@ -90,7 +92,7 @@ def test_the_quintic_fields_are_continuous_and_equation_4_is_not() -> None:
 
 def test_the_period_gets_a_gradient_through_the_latent_field() -> None:
     numbers = Numbers(2)
-    field = LatentField(2, 3, (0.3, 0.3), "quintic", 0.2)
+    field = LatentField(2, 3, 1, (0.3, 0.3), "quintic", 0.2)
     for_scale = torch.tensor(1.0, dtype=torch.float64, requires_grad=True)
 
     def total(scale: Tensor) -> Tensor:
@@ -104,7 +106,7 @@ def test_the_period_gets_a_gradient_through_the_latent_field() -> None:
 
 
 def test_groups_are_spread_over_a_cell_and_the_first_is_the_papers() -> None:
-    offsets = LatentField(3, 4, (1.0, 1.0, 1.0), "quintic", 0.2).offsets()
+    offsets = LatentField(3, 4, 1, (1.0, 1.0, 1.0), "quintic", 0.2).offsets()
     assert not offsets[0].any()
     assert ((offsets >= 0) & (offsets < 1)).all()
     for axis in range(3):
@@ -125,7 +127,7 @@ def test_the_quintic_starts_and_ends_flat() -> None:
 
 def test_slopes_make_a_field_with_a_wavelength_as_large_as_values_do() -> None:
     def curve(kind: str) -> np.ndarray:
-        field = LatentField(2, 1, (1.0, 1.0), kind, 0.2)  # type: ignore[arg-type]
+        field = LatentField(2, 1, 1, (1.0, 1.0), kind, 0.2)  # type: ignore[arg-type]
         line = torch.arange(0, 200, 0.25, dtype=torch.float64)[None]
         generator = torch.Generator().manual_seed(1)
 

@@ -112,10 +112,12 @@ class PeriodicField(NeuralEngine):
         Numbers of the latent field at a point.
     groups : int, default 4
         Lattices that carry them, each shifted by its own fraction of a cell.
+    octaves : int, default 2
+        Spacings of the lattices, each half of the one before; the groups take them in turn.
     spacing : float, optional
-        Distance of the sites of a lattice as a phase, 2 being a period. By default 1 where the
-        exemplar has a period and 0.33 where four wavelengths stand for one: half of a wavelength,
-        and two thirds.
+        Distance of the sites of the coarsest lattices as a phase, 2 being a period. By default 1
+        where the exemplar has a period and 0.33 where four wavelengths stand for one: half of a
+        wavelength, and two thirds.
     interpolation : {"gradient", "quintic", "paper"}, default "gradient"
         Between the sites: slopes or values, by quintics; or Eq. 4, which is not continuous.
     sigma : float, default 0.2
@@ -206,6 +208,7 @@ compile, device, evaluate_every, patience, training_seed
         depth: int | None = None,
         latents: int | None = None,
         groups: int | None = None,
+        octaves: int | None = None,
         spacing: float | None = None,
         interpolation: Literal["gradient", "quintic", "paper"] | None = None,
         sigma: float | None = None,
@@ -546,7 +549,7 @@ compile, device, evaluate_every, patience, training_seed
     def _latent(self, generator: Generator) -> LatentField:
         p = self.parameters_
         spacing = tuple(generator.spacing.tolist())
-        return LatentField(generator.axes, p.groups, spacing, p.interpolation, p.sigma)
+        return LatentField(generator.axes, p.groups, p.octaves, spacing, p.interpolation, p.sigma)
 
 
 def _axes(volume: Volume) -> int:

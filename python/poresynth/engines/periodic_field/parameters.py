@@ -38,6 +38,7 @@ class FieldParameters(TrainingParameters):
     depth: int = Field(4, ge=2, le=64)
     latents: int = Field(12, ge=1, le=4096)
     groups: int = Field(4, ge=1, le=256)
+    octaves: int = Field(2, ge=1, le=8)
     spacing: float | None = Field(None, gt=0, le=16)
     interpolation: Literal["gradient", "quintic", "paper"] = "gradient"
     sigma: float = Field(0.2, gt=0, le=100)
@@ -118,6 +119,7 @@ PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
             "depth": 10,
             "latents": 5,
             "groups": 1,
+            "octaves": 1,
             "spacing": 1.0,
             "interpolation": "paper",
             "crop": {2: 128, 3: 64}[axes],

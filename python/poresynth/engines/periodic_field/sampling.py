@@ -43,7 +43,7 @@ class Frame:
     frequency : tuple of float
         Phase of one voxel along each axis that the field has.
     spacing : tuple of float
-        Distance of the latent field's sites along each axis, as a phase.
+        Distance of the latent field's coarsest sites along each axis, as a phase.
     encoded : tuple of bool
         Whether the network sees the phase along each axis, or the latent field alone.
     origin : float
@@ -52,7 +52,7 @@ class Frame:
     period : tuple of int or None
         Voxels after which an output repeats, along each axis.
     sites : tuple of int or None
-        Sites of the latent field in these.
+        Sites of the latent field's coarsest lattices in these.
     mirrored : tuple of int or None
         Voxels of an output whose second half along each axis is its first half turned over, and
         which then goes on in the same way.
@@ -230,16 +230,18 @@ class FieldTiles:
     def _noise(self, first: Tensor, sites: tuple[int, ...]) -> Tensor:
         """Return the numbers on the lattices, shape (group, 1, number, sites, …)."""
         rows = []
-        for seed, start in zip(self._seeds, first[:, 0].tolist(), strict=True):
+        for seed, start, fine in zip(
+            self._seeds, first[:, 0].tolist(), self._latent.fineness(), strict=True
+        ):
             if self._constant:
                 one = lattice_noise(
                     seed, [0] * len(sites), [1] * len(sites), channels=self._numbers
                 )
                 rows.append(np.broadcast_to(one, (self._numbers, *sites)))
             else:
+                laps = self._frame.sites
+                period = None if laps is None else [fine * count for count in laps]
                 rows.append(
-                    lattice_noise(
-                        seed, start, sites, channels=self._numbers, period=self._frame.sites
-                    )
+                    lattice_noise(seed, start, sites, channels=self._numbers, period=period)
                 )
         return torch.from_numpy(np.stack(rows))[:, None]
