@@ -32,7 +32,7 @@ class Regression:
 
     generator = "net"
 
-    def __init__(self, scores: list[float] | None = None) -> None:
+    def __init__(self, scores: list[float | None] | None = None) -> None:
         torch.manual_seed(0)
         net = nn.Sequential(nn.Linear(3, 8), nn.BatchNorm1d(8), nn.Tanh(), nn.Linear(8, 1))
         self.networks = {"net": net}
@@ -58,13 +58,14 @@ class Regression:
         return found
 
     def evaluate(self, generator: nn.Module) -> Evaluation:
+        score: float | None
         if self.scores is None:
             x = torch.linspace(0, 1, 30).reshape(10, 3)
             with torch.no_grad():
                 score = float((generator.eval()(x)[:, 0] - x.sum(1)).abs().mean())
         else:
             score = self.scores.pop(0)
-        porosity = 0.5 if np.isfinite(score) else 1.0
+        porosity = 0.5 if score is None or np.isfinite(score) else 1.0
         return Evaluation({"porosity": porosity}, score, SOLID.astype(np.uint8))
 
     def keep(self, generator: nn.Module, evaluation: Evaluation, training: Training) -> None:
@@ -95,6 +96,23 @@ def test_it_learns_keeps_the_best_and_logs(tmp_path: Path) -> None:
     assert found.best_score == min(line["score"] for line in lines)
     assert step.kept[-1][0] == found.best_iteration
     assert (found.iteration, found.ended) == (200, "all iterations")
+
+
+def test_without_a_score_the_last_is_kept(tmp_path: Path) -> None:
+    step, stages = Regression([None, float("inf"), None]), []
+    found = train(
+        step,
+        parameters(patience=1),
+        folder=tmp_path,
+        progress=lambda stage, _: stages.append(stage),
+    )
+    assert (found.iteration, found.best_iteration) == (8, 4)
+    assert [line["score"] for line in found.records] == [None, None]
+    assert stages[-1] == "iteration 8 of 12"
+    step = Regression([None, None, None])
+    train(step, parameters(iterations=4), folder=tmp_path / "part")
+    found = train(step, parameters(patience=1), folder=tmp_path / "part", resume=True)
+    assert (found.ended, found.best_iteration) == ("all iterations", 12)
 
 
 @pytest.mark.parametrize("changes", [{}, {"ema": 0.9, "schedule": "cosine"}, {"accumulate": 4}])

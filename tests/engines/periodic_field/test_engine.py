@@ -336,6 +336,8 @@ def test_colours_keep_their_channels() -> None:
     base = blobs().astype(float)
     image = np.stack([base, 255 - base, 0.5 * base + 40], axis=-1).astype(np.uint8)
     engine = quick(image, iterations=240)
+    # Figures are of one channel: of colours the last generator is kept.
+    assert engine.training_["kept"] == 240
     made = engine.sample((1, 64, 64))
     assert made.array.shape == (1, 64, 64, 3)
     red, green, _ = (made.array[..., k].astype(float).ravel() for k in range(3))

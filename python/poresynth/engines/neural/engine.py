@@ -12,6 +12,7 @@ import inspect
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -265,7 +266,11 @@ class NeuralEngine(ABC):
         tiles = self._tiles(generator, seed, self.exemplar_.shape, "open")
         field = assemble(tiles, (0, 0, 0), shape)
         values = self._scaling.values(field)
-        return self._judge(self._phases.phase_of(values) > 0, _first(values))
+        found = self._judge(self._phases.phase_of(values) > 0, _first(values))
+        if self.exemplar_.channels > 1 and found.one_phase is None:
+            # The figures are of the first channel, cut in two: of colours they say too little.
+            found = replace(found, score=None)
+        return found
 
     def _keep(self, generator: nn.Module, evaluation: Evaluation, training: Training) -> None:
         """Keep a generator, on the disk too."""

@@ -36,14 +36,15 @@ class Evaluation:
     ----------
     figures : dict
         By name, as in `Judge`.
-    score : float
-        The lower the better; infinite where one phase is missing.
+    score : float or None
+        The lower the better; infinite where one phase is missing. None where figures cannot tell
+        the better of two generators: the later one is then kept.
     volume : numpy.ndarray
         Shape (z, y, x), in the exemplar's values, for the picture.
     """
 
     figures: dict[str, float]
-    score: float
+    score: float | None
     volume: npt.NDArray[Any]
 
     @property

@@ -319,10 +319,12 @@ class _Run:
         if machine.rank == 0:
             found = step.evaluate(self.averaged)
             training.one_phase = training.one_phase + 1 if found.one_phase else 0
-            better = found.score < training.best_score
+            score = found.score
+            better = score is None or score < training.best_score
             training.stale = 0 if better or training.best is None else training.stale + 1
             if better:
-                training.best, training.best_score = found.figures, found.score
+                training.best = found.figures
+                training.best_score = float("inf") if score is None else score
                 training.best_iteration = training.iteration
                 step.keep(self.averaged, found, training)
             self._write_log(found)
@@ -348,7 +350,7 @@ class _Run:
                     n: float(np.mean([one[n] for one in self.losses if n in one])) for n in names
                 },
                 "figures": found.figures,
-                "score": found.score if math.isfinite(found.score) else None,
+                "score": None if found.score == float("inf") else found.score,
                 "best": training.best_iteration,
             }
         )
@@ -371,7 +373,7 @@ class _Run:
             return
         training, last = self.training, self.parameters.iterations
         stage = f"iteration {training.iteration} of {last}"
-        if training.best is not None:
+        if math.isfinite(training.best_score):
             stage += f", best {training.best_score:.1f} % off"
         self.progress(stage, training.iteration / last)
 
@@ -386,7 +388,7 @@ class _Run:
         facts = {
             "iteration": training.iteration,
             "best": training.best,
-            "best_score": training.best_score if training.best else None,
+            "best_score": training.best_score if math.isfinite(training.best_score) else None,
             "best_iteration": training.best_iteration,
             "stale": training.stale,
             "one_phase": training.one_phase,
