@@ -2,8 +2,9 @@
 
     PORESYNTH_DATA=… python benches/python/periodic_field_figures.py [--only density tile …]
 
-Every network is trained here, with the preset tiny unless the table below says otherwise. Pictures
-go to docs/images, what was measured to benches/results/periodic_field_figures.json.
+Every network is trained here, on one thread, with the preset tiny unless the tables below say
+otherwise. Pictures go to docs/images, what was measured to
+benches/results/periodic_field_figures.json.
 """
 
 from __future__ import annotations
@@ -24,11 +25,14 @@ import numpy as np
 import torch
 from matplotlib import pyplot as plt
 from readme import RESULTS, save, save_picture
+from scipy.ndimage import uniform_filter
 
 from poresynth import io
 from poresynth.engines.neural.judge import Judge
 from poresynth.engines.periodic_field import PeriodicField
-from poresynth.exemplars import foam
+from poresynth.engines.periodic_field.guidance import _ranks
+from poresynth.engines.periodic_field.guidance import density as eq_6
+from poresynth.exemplars import foam, spinodal
 from poresynth.preprocess import downsample
 from poresynth.volume import Volume
 
@@ -41,6 +45,12 @@ TEXTURES: dict[str, tuple[str, dict[str, Any]]] = {
     ),
     "crosshatch": ("crosshatched_0014.jpg", {"width": 64, "bandwidth": 2}),
     "veins": ("veined_0106.jpg", {"width": 64, "reach": 48}),
+}
+MEDIA: dict[str, Callable[[], Volume]] = {
+    "spinodal": lambda: spinodal((64, 64, 64), seed=1),
+    "bone": lambda: io.read(DATA / "trabecular_bone_gray_100.tif"),
+    "Berea": lambda: io.read(DATA / "berea_sandstone_binary_200.tif"),
+    "foam": lambda: foam((96, 96, 96), seed=1),
 }
 MEASURED: dict[str, Any] = {}
 
@@ -108,36 +118,51 @@ def textures() -> None:
 
 
 def volumes() -> None:
-    exemplars = {
-        "bone": io.read(DATA / "trabecular_bone_gray_100.tif"),
-        "Berea": io.read(DATA / "berea_sandstone_binary_200.tif"),
-        "foam": foam((96, 96, 96), seed=1),
-    }
+    """Two trainings of each medium, two samples of each training."""
     rows = []
-    for name, exemplar in exemplars.items():
-        engine = fit(name, exemplar)
-        made = engine.sample((128, 128, 128), seed=1)
-        judge = Judge(engine._phases.phase > 0)
-        solid = engine._phases.phase_of(made.array) > 0
-        MEASURED[name]["sampled"] = judge(solid, made.array).figures
+    for name, read in MEDIA.items():
+        exemplar, found = read(), []
+        for training_seed in (0, 1):
+            engine = fit(f"{name}, training {training_seed}", exemplar, training_seed=training_seed)
+            judge = Judge(engine._phases.phase > 0)
+            for seed in (1, 2):
+                made = engine.sample((128, 128, 128), seed=seed)
+                solid = engine._phases.phase_of(made.array) > 0
+                found.append(judge(solid, made.array).figures)
+                if training_seed == 0 and seed == 1:
+                    shown = made.array
+        solid = engine._phases.phase > 0
+        noise = np.random.default_rng(1).random(solid.shape) < solid.mean()
+        MEASURED[name] = {
+            "sampled": found,
+            "exemplar": judge(solid, solid).figures,
+            "white_noise": judge(noise, noise).figures,
+        }
+        print(name, json.dumps(MEASURED[name]), flush=True)
         own = exemplar.array[:128, :128, :128]
         titles = [f"{name}, {axis}" for axis in "zyx"]
         panels = [*zip(titles, slices(own), strict=True)]
-        panels += zip(["new"] * 3, slices(made.array), strict=True)
+        panels += zip(["new"] * 3, slices(shown), strict=True)
         rows.append(panels)
     draw("periodic_field_volumes", rows, 1.7)
 
 
 def density() -> None:
-    engine = fit("density", foam((96, 96, 96), seed=1), guidance="density", iterations=800)
+    exemplar = foam((96, 96, 96), seed=1)
+    engine = fit("density", exemplar, guidance="density")
+    found = MEASURED["density"]
+    own = patches(engine._phases.phase > 0, engine.parameters_.crop)
     sweep = []
     for factor in (0.0, 0.25, 0.5, 0.75, 1.0):
-        field = engine.sample_field((64, 64, 64), seed=2, guidance=factor).array
-        share = float((field > 0).mean())
-        MEASURED["density"].setdefault("solid_fraction", {})[str(factor)] = share
-        sweep.append((f"density {factor:g}: solid {share:.2f}", field[32] > 0))
+        fields = [
+            engine.sample_field((64, 64, 64), seed=seed, guidance=factor).array for seed in (1, 2)
+        ]
+        share = float(np.mean([field > 0 for field in fields]))
+        found.setdefault("solid_fraction", {})[str(factor)] = share
+        found.setdefault("patches_of_the_exemplar", {})[str(factor)] = own(factor)
+        sweep.append((f"density {factor:g}: solid {share:.2f}", fields[0][32] > 0))
     field = engine.sample_field((64, 64, 320), seed=3, guidance=(0.0, 1.0)).array
-    MEASURED["density"]["gradient"] = [float((p > 0).mean()) for p in np.split(field, 5, axis=2)]
+    found["gradient"] = [float((p > 0).mean()) for p in np.split(field, 5, axis=2)]
     figure, axes = plt.subplots(2, 5, figsize=(10, 4.2))
     for axis, (title, pixels) in zip(axes[0], sweep, strict=True):
         axis.imshow(pixels, cmap="gray")
@@ -154,6 +179,20 @@ def density() -> None:
     save_picture("periodic_field_density", file.getvalue())
 
 
+def patches(solid: np.ndarray, edge: int) -> Callable[[float], float]:
+    """Mean share of solid of the exemplar's patches that are about so dense by Eq. 6."""
+    rank = _ranks(eq_6(solid, edge), edge)
+    share = uniform_filter(solid.astype(float), edge)
+    inside = (slice(edge // 2, -(edge - edge // 2)),) * 3
+    rank, share = rank[inside], share[inside]
+
+    def at(factor: float) -> float:
+        near = np.argsort(np.abs(rank - factor), axis=None)[: rank.size // 20]
+        return float(share.ravel()[near].mean())
+
+    return at
+
+
 def noise() -> None:
     engine = fit("noise scale", foam((96, 96, 96), seed=1))
     row = []
@@ -166,20 +205,38 @@ def noise() -> None:
 def tile() -> None:
     image = io.read(DATA / "2d" / "sandstone.png")
     engine = fit("tile", image)
-    shape = (1, *(round(t) for t in engine.period_))
-    constant = engine.sample(shape, seed=5, latent="constant", boundary="periodic").array[0]
-    large = (1, *(2 * n for n in shape[1:]))
-    varied = engine.sample(large, seed=5, boundary="periodic").array[0]
-    mirrored = engine.sample(large, seed=5, mirrored=True, cut_at="exemplar").array[0]
-    own = image.array[0][: large[1], : large[2]]
-    row = [("exemplar, tiled: seams", np.tile(own, (2, 2)))]
-    row += [("constant latent, 4 × 4 tiles", np.tile(constant, (4, 4)))]
+    shape = (1, 96, 96)
+    varied = engine.sample(shape, seed=5, boundary="periodic").array[0]
+    mirrored = engine.sample(shape, seed=5, mirrored=True, cut_at="exemplar").array[0]
+    own = image.array[0][:96, :96]
+    row = [("exemplar, 2 × 2 tiles: seams", np.tile(own, (2, 2)))]
     row += [("periodic, 2 × 2 tiles", np.tile(varied, (2, 2)))]
     row += [("mirrored, 2 × 2 tiles", np.tile(mirrored, (2, 2)))]
+    comb = texture("honeycomb")
+    gray = fit("constant latent", comb.with_array(comb.array.mean(-1).astype(np.uint8)))
+    shape = (1, *(round(t) for t in gray.period_))
+    constant = gray.sample(shape, seed=5, latent="constant", boundary="periodic").array[0]
+    row += [("constant latent, 4 × 4 tiles", np.tile(constant, (4, 4)))]
     draw("periodic_field_tiles", [row])
+    image_steps = [seam(tile) for tile in tiles_of(image.array[0], 96)]
+    periodic = [
+        seam(engine.sample((1, 96, 96), seed=seed, boundary="periodic").array[0])
+        for seed in range(40)
+    ]
     MEASURED["tile"]["step_at_seam"] = {
-        title: seam(pixels) for title, pixels in (("exemplar", own), ("periodic", varied))
+        name: {"mean": float(np.mean(v)), "error": float(np.std(v) / np.sqrt(len(v)))}
+        for name, v in (("exemplar", image_steps), ("periodic", periodic))
     }
+
+
+def tiles_of(image: np.ndarray, edge: int) -> list[np.ndarray]:
+    """All tiles side by side that an image has room for."""
+    rows, columns = (n // edge for n in image.shape)
+    return [
+        image[y * edge : (y + 1) * edge, x * edge : (x + 1) * edge]
+        for y in range(rows)
+        for x in range(columns)
+    ]
 
 
 def seam(pixels: np.ndarray) -> float:
