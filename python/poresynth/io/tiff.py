@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import mmap
 import os
 import re
 import threading
@@ -226,17 +227,34 @@ def _write(
     )
 
 
-def _create(path: Path, content: Content) -> npt.NDArray[Any]:
+def _create(path: Path, content: Content) -> _Mapped:
     """Write a file of zeros and map it."""
     import tifffile
 
     array, options = _options(path, content, None)
-    mapped = tifffile.memmap(path, shape=array.shape, dtype=array.dtype, **options)
+    offset = tifffile.memmap(path, shape=array.shape, dtype=array.dtype, **options).offset
     if hasattr(os, "posix_fallocate"):
         # A hole in a mapped file that finds no room when it is filled would kill the program.
         with path.open("r+b") as file:
             os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
-    return mapped.reshape(content.array.shape)
+    return _Mapped(path, content.array.shape, array.dtype, offset)
+
+
+class _Mapped:
+    """The voxels of a file, which are written part by part and do not stay in memory."""
+
+    def __init__(
+        self, path: Path, shape: tuple[int, ...], dtype: np.dtype[Any], offset: int
+    ) -> None:
+        with path.open("r+b") as file:
+            self._map = mmap.mmap(file.fileno(), 0)
+        self._voxels = np.ndarray(shape, dtype, self._map, offset)
+
+    def __setitem__(self, box: tuple[slice, ...], part: npt.NDArray[Any]) -> None:
+        self._voxels[box] = part
+        if hasattr(mmap, "MADV_DONTNEED"):
+            # The system has the pages, and writes them when it likes.
+            self._map.madvise(mmap.MADV_DONTNEED)
 
 
 def _options(

@@ -13,9 +13,13 @@ from safetensors import safe_open
 
 from poresynth import io
 from poresynth.engines import get_engine, load_model
+from poresynth.engines.neural import matching
 from poresynth.engines.neural.judge import Judge
+from poresynth.engines.neural.matching import LabelMap, LevelMap
+from poresynth.engines.request import Request
 from poresynth.engines.scaffold_gan import ScaffoldGAN
 from poresynth.engines.scaffold_gan.parameters import PRESETS, VARIANTS, resolve
+from poresynth.engines.values import cut
 from poresynth.errors import FileError, MemoryEstimateError, ParameterError
 from poresynth.exemplars import spinodal
 from poresynth.volume import Volume
@@ -39,6 +43,21 @@ MICRO: dict[str, Any] = {
 
 def gray(seed: int = 0) -> np.ndarray:
     return spinodal((24, 26, 28), porosity=0.55, wavelength=8, seed=seed).array
+
+
+def labels() -> np.ndarray:
+    """Three phases: 0, 5 and 10."""
+    return np.digitize(gray(), np.quantile(gray(), [0.4, 0.7])).astype(np.uint8) * 5
+
+
+def engine_request(exemplar: np.ndarray, shape: Any, porosity: float | None) -> Request:
+    nothing: dict[str, Any] = {"known": None, "known_mask": None, "mask": None, "threads": 0}
+    options: dict[str, Any] = {"seed": 0, "boundary": "open", "porosity": porosity, **nothing}
+    return Request.of(shape, least=1, exemplar=Volume(exemplar), **options)
+
+
+def never(stage: str, fraction: float) -> None:
+    raise AssertionError("the work began")
 
 
 def micro(exemplar: Any = None, **changes: Any) -> ScaffoldGAN:
@@ -163,7 +182,7 @@ def test_every_kind_of_exemplar_comes_out_as_its_kind(kind: str) -> None:
     elif kind == "dark":
         exemplar, options = 255 - volume, {"solid": "dark"}
     elif kind == "label":
-        exemplar = np.digitize(volume, np.quantile(volume, [0.4, 0.7])).astype(np.uint8) * 5
+        exemplar = labels()
     elif kind == "colours":
         exemplar = np.stack([volume, 255 - volume, volume // 2], -1)
     else:
@@ -257,22 +276,79 @@ def test_blocks_on_the_disk_have_the_exemplars_porosity_and_grays(
 
 @pytest.mark.parametrize("solid", ["bright", "dark"])
 def test_the_map_of_levels_is_the_ranking(solid: str) -> None:
-    from poresynth.engines.neural.matching import LEVELS, LevelMap, to_levels
-
     exemplar = gray() if solid == "bright" else 255 - gray()
     engine = ScaffoldGAN(**MICRO, solid=solid)
     engine._learn(Volume(exemplar))
     field = np.tanh(np.random.default_rng(0).normal(0, 1, (1, 40, 40, 40))).astype(np.float32)
-    counts = np.bincount(to_levels(field[0]).ravel(), minlength=LEVELS)
-    level_map = LevelMap(engine._scaling, exemplar, counts)
+    level_map = LevelMap(engine._scaling, exemplar)
+    for part in np.array_split(field, 3, axis=1):
+        level_map.see(part)
+    level_map.settle()
     values = level_map(field)
     pore = values <= engine.threshold_ if solid == "bright" else values > engine.threshold_
-    assert pore.mean() == pytest.approx(level_map.porosity)
-    assert level_map.porosity == pytest.approx(engine.porosity_, abs=1e-4)
+    assert pore.mean() == pytest.approx(engine.porosity_, abs=1e-4)
     order = np.argsort(field.ravel(), kind="stable")
     assert (np.diff(values.ravel()[order].astype(int)) >= 0).all()
     for q in (0.1, 0.3, 0.5, 0.7, 0.9):
         assert abs(float(np.quantile(values, q)) - float(np.quantile(exemplar, q))) <= 1
+
+
+@pytest.mark.parametrize("porosity", [None, 0.2])
+def test_the_map_of_labels_is_the_ranking(
+    porosity: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All voxels in one sample: the cut of the volume in memory, but for a few; then a part."""
+    exemplar = labels()
+    engine = ScaffoldGAN(**MICRO)
+    engine._learn(Volume(exemplar))
+    random = np.random.default_rng(0)
+    lead = np.array([1, 0, -2])[:, None, None, None]
+    field = np.tanh(random.normal(0, 1, (3, 40, 40, 40)) + lead).astype(np.float32)
+    request = engine_request(exemplar, field.shape[1:], porosity)
+    expected = engine._phases.labels[cut(engine._phases, field, request)]
+    wanted = engine._phases.wanted(field[0].size, porosity)
+    for sample, share, apart in ((1 << 20, 2e-4, 3e-3), (20000, 0.01, 0.02)):
+        monkeypatch.setattr(matching, "SAMPLE", sample)
+        label_map = LabelMap(engine._scaling, field[0].size, porosity)
+        for part in np.array_split(field, 3, axis=1):
+            label_map.see(part)
+        label_map.settle()
+        found = label_map(field)
+        counts = [(found == label).sum() for label in engine._phases.labels]
+        assert np.abs(np.array(counts) - wanted).max() <= share * found.size
+        assert (found != expected).mean() < apart
+
+
+def test_a_phase_that_is_not_wanted_is_not_made() -> None:
+    engine = ScaffoldGAN(**MICRO)
+    engine._learn(Volume(labels()))
+    label_map = LabelMap(engine._scaling, 8000, porosity=0.0)
+    field = np.random.default_rng(0).uniform(-1, 1, (3, 20, 20, 20)).astype(np.float32)
+    label_map.see(field)
+    label_map.settle()
+    assert set(np.unique(label_map(field))) == {5, 10}
+
+
+def test_labels_on_the_disk_have_the_exemplars_shares(tmp_path: Path) -> None:
+    exemplar = labels()
+    engine = micro(exemplar)
+    shape = (140, 40, 133)
+    found = engine.sample_to(tmp_path / "new.zarr", shape, seed=6)
+    written = io.read(tmp_path / "new.zarr").array
+    for value in np.unique(exemplar):
+        assert (written == value).mean() == pytest.approx((exemplar == value).mean(), abs=2e-3)
+    assert found["porosity"] == pytest.approx((written == 0).mean())
+    expected = engine.sample(shape, seed=6)
+    assert found["raw_porosity"] == pytest.approx(expected.metadata["poresynth"]["raw_porosity"])
+    assert (written != expected.array).mean() < 0.01
+
+
+def test_channels_are_refused_before_the_work(tmp_path: Path) -> None:
+    engine = micro(np.stack([gray(), 255 - gray()], -1), iterations=3)
+    for cut_at in ("porosity", "exemplar"):
+        with pytest.raises(ParameterError, match=r"channels = 2: .*block by block"):
+            engine.sample_to(tmp_path / "new.zarr", (20, 20, 20), cut_at=cut_at, progress=never)
+    assert list(tmp_path.iterdir()) == []
 
 
 # --- files ------------------------------------------------------------------------------------

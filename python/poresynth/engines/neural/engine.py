@@ -11,7 +11,7 @@ import hashlib
 import inspect
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -22,18 +22,19 @@ import numpy.typing as npt
 import torch
 from torch import nn
 
-from poresynth import _core, io
+from poresynth import _core
 from poresynth.engines.base import ProgressCallback, SynthesizedVolume
 from poresynth.engines.grading import follow_map
+from poresynth.engines.neural.blockwise import BLOCK, WRITING, write_blocks
 from poresynth.engines.neural.files import below, read_tensors, write_tensors
 from poresynth.engines.neural.judge import Evaluation, Judge
 from poresynth.engines.neural.log import tensorboard_missing
 from poresynth.engines.neural.machine import choose_device, first_process
-from poresynth.engines.neural.matching import LEVELS, LevelMap, to_levels
+from poresynth.engines.neural.matching import map_memory, value_map
 from poresynth.engines.neural.noise import mix_seed
 from poresynth.engines.neural.parameters import TrainingParameters
 from poresynth.engines.neural.scaling import Scaling
-from poresynth.engines.neural.tiles import Tiles, assemble, blocks
+from poresynth.engines.neural.tiles import Box, Tiles, assemble
 from poresynth.engines.neural.training import Step, Training, train
 from poresynth.engines.phases import Phases
 from poresynth.engines.porosity import PorosityLike
@@ -47,16 +48,10 @@ from poresynth.volume import Volume, as_volume
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-__all__ = ["BLOCK", "MODEL", "NeuralEngine", "load_engine"]
+__all__ = ["MODEL", "NeuralEngine", "load_engine"]
 
 MODEL = "model.safetensors"
 """The file of the generator in the folder of a training."""
-
-BLOCK = 128
-"""Edge of the blocks that `sample_to` makes and writes, voxels: the chunk of a Zarr store."""
-
-WRITING = 1 << 26
-"""What a file that is written block by block takes, bytes: compression, mapped pages."""
 
 JUDGED = 128
 """Longest edge of the volumes that are compared while training, voxels."""
@@ -386,7 +381,7 @@ class NeuralEngine(ABC):
     ) -> SynthesizedVolume:
         """Make what `sample` was asked for; ``options`` are what that of a subclass adds."""
         tiles = self._window(request, cut_at, options)
-        needed = self.estimate_memory(request.shape) + request.memory
+        needed = self.estimate_memory(request.shape, threads=request.threads) + request.memory
         check_memory(needed, f"a volume of {request.shape}")
         report = None if progress is None else lambda share: progress("sampling", share)
         field = assemble(tiles, start, request.shape, threads=request.threads, progress=report)
@@ -434,9 +429,9 @@ class NeuralEngine(ABC):
         shape, seed, boundary, threads, progress, start
             As for `sample`.
         porosity, cut_at
-            As for `sample`; with ``cut_at="porosity"`` the field is made twice, once to count its
-            65536 levels and once to write. The porosity is right to the share of one level, some
-            10⁻⁴. Not for several channels or more than two phases.
+            As for `sample`; with ``cut_at="porosity"`` the field is made twice, once to see it and
+            once to write. Of two phases the porosity is right to the share of one of 65536 levels,
+            some 10⁻⁴; of more, each share to some 5 · 10⁻⁴.
         origin : dict, optional
             What else goes into the provenance of the file, JSON-compatible.
 
@@ -448,7 +443,9 @@ class NeuralEngine(ABC):
         Raises
         ------
         ParameterError
-            If an argument is out of range.
+            If an argument is out of range, or the exemplar has an axis of channels.
+        MemoryEstimateError
+            If a block cannot fit into memory.
         FileError
             If the file cannot be written; nothing partial is left.
         KeyboardInterrupt
@@ -456,8 +453,7 @@ class NeuralEngine(ABC):
 
         Notes
         -----
-        Peak memory: that of `estimate_memory` for a block of 128³ voxels, and 64 MB for writing,
-        whatever the shape. Measured for 420³ of the preset tiny: 132 MB to Zarr, 155 MB to TIFF.
+        Peak memory: `estimate_memory` with ``blockwise``, the same for any volume above 128³.
         """
         request = self._request(shape, seed, boundary, porosity, None, threads)
         return self._sample_to(path, request, cut_at, start, progress, origin)
@@ -476,60 +472,57 @@ class NeuralEngine(ABC):
         if request.porosity_map is not None:
             allowed = "must be a number where a volume is written block by block"
             raise ParameterError("porosity", "a map", allowed)
+        if self.exemplar_.array.ndim == 4:
+            allowed = "must be one to write block by block; take a volume that fits into memory"
+            raise ParameterError("channels", self.exemplar_.channels, allowed)
         tiles = self._window(request, cut_at, options)
-        needed = self.estimate_memory((BLOCK, BLOCK, BLOCK)) + WRITING
-        check_memory(needed, f"a block of {BLOCK}³ voxels")
-        boxes = blocks(request.shape, BLOCK)
-        passes = 2 if cut_at == "porosity" else 1
-        pores = done = 0
-
-        def field(box: Any) -> npt.NDArray[np.float32]:
-            nonlocal done
-            at = [a + b for a, b in zip(start, box.start, strict=True)]
-
-            def report(share: float) -> None:
-                if progress is not None:
-                    progress("sampling", (done + share) / (passes * len(boxes)))
-
-            made = assemble(tiles, at, box.shape, threads=request.threads, progress=report)
-            done += 1
-            return made
-
-        def to_values(made: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
-            return self._scaling.values(made)
-
+        needed = self.estimate_memory(request.shape, threads=request.threads, blockwise=True)
+        check_memory(needed, f"a volume of {request.shape}, block by block,")
+        matched = None
         if cut_at == "porosity":
-            counts = np.zeros(LEVELS, np.int64)
-            for box in boxes:
-                made = field(box)
-                counts += np.bincount(to_levels(made[0]).ravel(), minlength=LEVELS)
-                pores += int(np.count_nonzero(~self._scaling.solid(made)))
-            level_map = LevelMap(self._scaling, self.exemplar_.array, counts, request.porosity)
-            to_values = level_map  # type: ignore[assignment]
+            voxels, wanted = math.prod(request.shape), request.porosity
+            matched = value_map(self._scaling, self.exemplar_.array, voxels, wanted)
+
+        def make(box: Box, report: Callable[[float], object]) -> npt.NDArray[np.float32]:
+            at = [a + b for a, b in zip(start, box.start, strict=True)]
+            return assemble(tiles, at, box.shape, threads=request.threads, progress=report)
+
+        def report(share: float) -> None:
+            if progress is not None:
+                progress("sampling", share)
+
         blank = np.broadcast_to(np.zeros((), self.exemplar_.dtype), request.shape)
         made_by = self._provenance(request, cut_at, start, options)
         metadata = {"poresynth": {**made_by, **(origin or {})}}
         like = Volume(blank, self._voxel_size(options), self.exemplar_.unit, metadata)
-        with io.create(path, like) as writer:
-            for box in boxes:
-                made = field(box)
-                if cut_at == "exemplar":
-                    pores += int(np.count_nonzero(~self._scaling.solid(made)))
-                writer[box.slices] = to_values(made)
-        raw = pores / math.prod(request.shape)
-        given = level_map.porosity if cut_at == "porosity" else raw
-        return {"porosity": given, "raw_porosity": raw}
+        return write_blocks(path, like, make, self._scaling, matched, report)
 
-    def estimate_memory(self, shape: Shape) -> int:
-        """Return the peak memory of `sample` in bytes.
+    def estimate_memory(self, shape: Shape, *, threads: int = 0, blockwise: bool = False) -> int:
+        """Return the peak memory of `sample`, or of `sample_to`, in bytes.
 
+        Parameters
+        ----------
+        shape : (int, int, int)
+            Of the volume.
+        threads : int, default 0
+            As for `sample`: each computes tiles of its own.
+        blockwise : bool, default False
+            Of `sample_to`: that of a block of 128³ voxels, of writing (64 MB), and of what matches
+            the values of the whole volume (1 MB; with more than two phases 12 MB each).
+
+        Notes
+        -----
         Per voxel 4 bytes a channel for the field, three of the exemplar's values and 6 bytes for
         the cut, and the tiles that are computed at once: 20 to 40 % above what was measured.
         """
         self._check_fitted()
-        at_once = torch.get_num_threads() if self._device.type == "cpu" else 1
+        at_once = (threads or torch.get_num_threads()) if self._device.type == "cpu" else 1
         per_voxel = 6 + (4 + 3 * self.exemplar_.dtype.itemsize) * self._scaling.channels
-        return per_voxel * math.prod(shape) + at_once * self._tile_memory()
+        voxels, more = math.prod(shape), 0
+        if blockwise:
+            more = WRITING + map_memory(self._scaling, voxels)
+            voxels = math.prod(min(n, BLOCK) for n in shape)
+        return per_voxel * voxels + at_once * self._tile_memory() + more
 
     @property
     def _device(self) -> torch.device:
