@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import signal
 import subprocess
@@ -99,7 +100,11 @@ def test_blockwise_goes_to_the_disk(capsys: pytest.CaptureFixture[str]) -> None:
     train()
     shape = ("--shape", 30, 24, 20)
     run("sample", "model", "-o", "a.zarr", *shape, "--blockwise", "--cut-at", "exemplar")
-    assert "raw_porosity: 0." in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "raw_porosity: 0." in said.out
+    stated = re.search(r"needs about ([\d.]+) MB of memory; .* is available", said.err)
+    assert stated
+    assert 64 < float(stated[1]) < 200
     run("sample", "model", "-o", "b.npy", *shape, "--cut-at", "exemplar", "--threads", 1)
     assert np.array_equal(io.read("a.zarr").array, io.read("b.npy").array)
     said = refused(capsys, "sample", "model", "-o", "a.npz", *shape, "--blockwise")

@@ -17,6 +17,7 @@ from poresynth.workflow.comparing import judge
 from poresynth.workflow.domains import field_of
 from poresynth.workflow.files import read, reserve
 from poresynth.workflow.inputs import read_exemplar
+from poresynth.workflow.memory import state_memory
 from poresynth.workflow.pruning import prune_new
 
 if TYPE_CHECKING:
@@ -177,6 +178,8 @@ def sample(
     with reserve(output, report=report):
         engine = load_model(model, device=device)
         wanted |= _sampling_options(engine, options)
+        needed = engine.estimate_memory(shape, threads=threads, blockwise=blockwise)
+        state_memory(needed, shape)
         with console.progress("sampling") as progress:
             if blockwise:
                 found = engine.sample_to(output, shape, progress=progress, origin=origin, **wanted)

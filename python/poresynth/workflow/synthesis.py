@@ -14,6 +14,7 @@ from poresynth.workflow.comparing import judge
 from poresynth.workflow.domains import check_room, field_of, read_mask
 from poresynth.workflow.files import read, reserve
 from poresynth.workflow.inputs import read_exemplars
+from poresynth.workflow.memory import state_memory
 from poresynth.workflow.pruning import prune_new
 
 if TYPE_CHECKING:
@@ -121,8 +122,6 @@ def _check_repetition(run: RunConfig, exemplars: Sequence[Volume]) -> tuple[str,
 def _sample(
     run: RunConfig, exemplars: Sequence[Volume], domain: Domain | None, threads: int
 ) -> SynthesizedVolume:
-    from poresynth.resources import available_memory, check_memory, format_bytes
-
     known, known_mask = (
         None if path is None else read(Path(path)).array for path in (run.known, run.known_mask)
     )
@@ -137,12 +136,7 @@ def _sample(
     if domain is not None:
         check_room(domain, exemplars[0], engine)
     if domain is None:  # Of a body it depends on the inside: the engine looks itself.
-        needed, free = engine.estimate_memory(run.shape), available_memory()
-        check_memory(needed, f"shape {' '.join(map(str, run.shape))}")
-        console.note(
-            f"needs about {format_bytes(needed)} of memory"
-            + ("" if free is None else f"; {format_bytes(free)} is available")
-        )
+        state_memory(engine.estimate_memory(run.shape), run.shape)
     with console.progress("synthesis") as progress:
         made = engine.sample(
             run.shape,

@@ -542,6 +542,18 @@ def test_a_volume_that_cannot_fit_is_refused_with_the_numbers(small: ScaffoldGAN
         small.sample((10**5, 10**5, 10**5))
 
 
+def test_memory_is_stated_before_the_work_and_blocks_bound_it(small: ScaffoldGAN) -> None:
+    whole = [small.estimate_memory((n, n, n)) for n in (256, 512)]
+    assert whole[1] > 7 * whole[0]
+    blocks = [small.estimate_memory((n, n, n), blockwise=True) for n in (256, 1024)]
+    assert blocks[0] == blocks[1] < whole[0]
+    # Each thread has a tile under way.
+    assert small.estimate_memory((64, 64, 64), threads=40) > small.estimate_memory((64, 64, 64))
+    several = micro(labels(), iterations=3)
+    more = several.estimate_memory((1024, 1024, 1024), blockwise=True)
+    assert more > blocks[0] + 3 * 12 * 2**20
+
+
 def test_sampling_can_be_interrupted(small: ScaffoldGAN, tmp_path: Path) -> None:
     def stop(stage: str, fraction: float) -> None:
         raise ZeroDivisionError
