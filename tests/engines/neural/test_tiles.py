@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from poresynth.engines.neural.noise import lattice_noise
 from poresynth.engines.neural.tiles import assemble, blocks
+from poresynth.errors import MemoryEstimateError
 
 Triple = tuple[int, int, int]
 
@@ -80,3 +81,12 @@ def test_an_error_in_a_tile_is_raised_and_the_threads_of_pytorch_are_given_back(
     with pytest.raises(ArithmeticError):
         assemble(Broken(), (0, 0, 0), (9, 9, 9))
     assert torch.get_num_threads() == before
+
+
+def test_too_little_memory_for_a_tile_is_one_line() -> None:
+    class Large(Hash):
+        def __call__(self, index: Triple) -> np.ndarray:
+            raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2 GiB")
+
+    with pytest.raises(MemoryEstimateError, match=r"cpu .* a tile of 5 × 4 × 3 voxels; fewer"):
+        assemble(Large(), (0, 0, 0), (9, 9, 9))

@@ -195,35 +195,142 @@ def test_a_generator_that_never_has_both_phases_is_no_result() -> None:
         train(Regression(scores=[float("inf")] * 3), parameters())
 
 
-@pytest.mark.parametrize(
-    "error",
-    [
-        torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2 GiB"),
-        RuntimeError("[enforce fail at alloc_cpu.cpp] DefaultCPUAllocator: can't allocate memory"),
-    ],
-)
-def test_too_little_memory_is_said_in_one_line(tmp_path: Path, error: RuntimeError) -> None:
+def test_weights_that_are_not_finite_never_reach_a_checkpoint(tmp_path: Path) -> None:
     step = Regression()
 
-    def fail() -> None:
-        raise error
+    def spoil() -> None:
+        with torch.no_grad():
+            step.networks["net"][0].weight[0, 0] = torch.nan
 
-    step.break_at[6] = fail
-    message = r"cpu has too little memory for 8 crops at once.*accumulate.*iteration 4 is kept"
-    with pytest.raises(MemoryEstimateError, match=message):
-        train(step, parameters(), folder=tmp_path)
-    assert (tmp_path / CHECKPOINT).exists()
-
-
-def test_ctrl_c_lets_the_iteration_finish_and_leaves_a_checkpoint(tmp_path: Path) -> None:
-    step = Regression()
-    step.break_at[5] = lambda: os.kill(os.getpid(), signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt):
+    step.break_at[7] = spoil  # Its loss is a number still, and a comparison is due.
+    with pytest.raises(TrainingError, match=r"some weights are not finite at iteration 8.*is kept"):
         train(step, parameters(), folder=tmp_path)
     whole, again = Regression(), Regression()
     train(again, parameters(), folder=tmp_path, resume=True)
     train(whole, parameters())
     assert same(weights(whole), weights(again))
+
+
+NO_MEMORY = [
+    torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2 GiB"),
+    RuntimeError("MPS backend out of memory (MPS allocated: 9 GB)"),
+    RuntimeError("[enforce fail at alloc_cpu.cpp] DefaultCPUAllocator: can't allocate memory"),
+]
+
+
+@pytest.mark.parametrize("error", NO_MEMORY)
+@pytest.mark.parametrize("where", ["prepare", "run", "evaluate", "keep"])
+def test_too_little_memory_is_said_in_one_line(
+    tmp_path: Path, error: RuntimeError, where: str
+) -> None:
+    train(Regression(), parameters(iterations=5), folder=tmp_path)
+    step = Regression()
+
+    def fail(*_: Any) -> Any:
+        raise error
+
+    setattr(step, where, fail)
+    left = "" if where == "prepare" else r"the generator of iteration [45] is kept, and "
+    message = rf"cpu has too little memory for 8 crops at once.*\. {left}the last checkpoint lies"
+    with pytest.raises(MemoryEstimateError, match=message) as caught:
+        train(step, parameters(), folder=tmp_path, resume=True)
+    assert len(str(caught.value).splitlines()) == 1
+    assert train(Regression(), parameters(), folder=tmp_path, resume=True).iteration == 12
+
+
+def test_another_error_is_left_as_it_is() -> None:
+    step = Regression()
+    step.break_at[1] = lambda: torch.zeros(2) + torch.zeros(3)
+    with pytest.raises(RuntimeError, match="size of tensor"):
+        train(step, parameters())
+
+
+@pytest.mark.parametrize("where", ["run", "evaluate", "keep"])
+def test_ctrl_c_lets_the_iteration_finish_and_leaves_a_checkpoint(
+    tmp_path: Path, where: str
+) -> None:
+    step = Regression()
+    usual = getattr(step, where)
+
+    def interrupted(*given: Any) -> Any:
+        os.kill(os.getpid(), signal.SIGINT)
+        return usual(*given)
+
+    setattr(step, where, interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        train(step, parameters(), folder=tmp_path)
+    whole, again = Regression(), Regression()
+    found = train(again, parameters(), folder=tmp_path, resume=True)
+    train(whole, parameters())
+    assert same(weights(whole), weights(again))
+    assert [record["iteration"] for record in found.records] == [4, 8, 12]
+
+
+def test_ctrl_c_before_the_first_iteration_leaves_the_checkpoint_that_was(tmp_path: Path) -> None:
+    train(Regression(), parameters(iterations=5), folder=tmp_path)
+    before = (tmp_path / CHECKPOINT).read_bytes()
+    step = Regression()
+    step.prepare = lambda machine: os.kill(os.getpid(), signal.SIGINT)  # type: ignore[method-assign]
+    with pytest.raises(KeyboardInterrupt):
+        train(step, parameters(), folder=tmp_path, resume=True)
+    assert (tmp_path / CHECKPOINT).read_bytes() == before
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits the size of files, as Linux does")
+def test_a_full_disk_leaves_the_checkpoint_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import resource
+
+    from poresynth.engines.neural import training
+
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    usual, saves = training.save_checkpoint, []
+
+    def save_in_little_room(*given: Any) -> None:
+        saves.append(given)
+        room = 1000 if len(saves) == 2 else limits[0]
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, limits[1]))
+        try:
+            usual(*given)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+    monkeypatch.setattr(training, "save_checkpoint", save_in_little_room)
+    with pytest.raises(FileError, match=rf"{CHECKPOINT}: .*(large|room)"):
+        train(Regression(), parameters(), folder=tmp_path)
+    assert not list(tmp_path.glob(".*"))
+    whole, again = Regression(), Regression()
+    found = train(again, parameters(), folder=tmp_path, resume=True)
+    train(whole, parameters())
+    assert same(weights(whole), weights(again))
+    assert [record["iteration"] for record in found.records] == [4, 8, 12]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_log_that_finds_no_room_is_one_line(tmp_path: Path) -> None:
+    step = Regression()
+    usual = step.evaluate
+
+    def evaluate(generator: nn.Module) -> Evaluation:
+        (tmp_path / "log.jsonl").unlink()
+        (tmp_path / "log.jsonl").symlink_to("/dev/full")
+        return usual(generator)
+
+    step.evaluate = evaluate  # type: ignore[method-assign]
+    with pytest.raises(FileError, match=r"log\.jsonl: no room left on the disk"):
+        train(step, parameters(), folder=tmp_path)
+
+
+def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    for place in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(FileError, match="file"):
+            train(Regression(), parameters(), folder=place)
+    (tmp_path / "slices").write_text("no folder")
+    exemplar = SOLID.astype(np.uint8)
+    with pytest.raises(FileError, match="slices"):
+        train(Regression(), parameters(), folder=tmp_path, exemplar=exemplar)
 
 
 def test_a_second_ctrl_c_breaks_the_iteration_off() -> None:

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from poresynth import io
+from poresynth.errors import FileError
 from poresynth.volume import Volume
 
 __all__ = ["Log", "mid_slices", "tensorboard_missing"]
@@ -71,8 +72,11 @@ class Log:
         self.records.append(dict(record))
         if self._folder is None:
             return
-        with self._path.open("a", encoding="utf-8") as file:
-            file.write(_line(record))
+        try:
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write(_line(record))
+        except OSError as error:
+            raise FileError.because(self._path, error) from error
         if self._board is not None:
             for group in ("losses", "figures"):
                 for name, value in record.get(group, {}).items():
@@ -83,7 +87,10 @@ class Log:
         if self._folder is None:
             return
         folder = self._folder / "slices"
-        folder.mkdir(exist_ok=True)
+        try:
+            folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise FileError.because(folder, error) from error
         io.write(folder / f"{iteration:06d}.png", Volume(gray[np.newaxis]))
         if self._board is not None:
             self._board.add_image("slices", gray, iteration, dataformats="HW")

@@ -20,6 +20,8 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from poresynth.engines.neural.interruption import explained_memory
+
 __all__ = ["Box", "Tiles", "assemble", "blocks"]
 
 Field = npt.NDArray[np.float32]
@@ -96,6 +98,11 @@ def assemble(
     numpy.ndarray
         Shape (channels, *shape).
 
+    Raises
+    ------
+    MemoryEstimateError
+        If the device has too little memory for a tile.
+
     Notes
     -----
     Peak memory: the window, and what the tiles need that are computed at once.
@@ -121,15 +128,19 @@ def _computed(
     tiles: Tiles, indices: list[tuple[int, int, int]], threads: int
 ) -> Iterator[tuple[tuple[int, int, int], Field]]:
     """Give each tile, in order; at most two a thread are under way or waiting."""
-    with torch.inference_mode():
-        if tiles.device.type != "cpu":
-            for index in indices:
-                yield index, tiles(index)
-            return
 
     def compute(index: tuple[int, int, int]) -> Field:
-        with torch.inference_mode():
+        with torch.inference_mode(), explained_memory(tiles.device, remedy):
             return tiles(index)
+
+    def remedy() -> str:
+        less = "fewer threads need" if tiles.device.type == "cpu" else "device = cpu needs"
+        return f"a tile of {' × '.join(map(str, tiles.edge))} voxels; {less} less of it"
+
+    if tiles.device.type != "cpu":
+        for index in indices:
+            yield index, compute(index)
+        return
 
     with _alone() as cores, ThreadPoolExecutor(workers := threads or cores) as pool:
         waiting: deque[tuple[tuple[int, int, int], Future[Field]]] = deque()

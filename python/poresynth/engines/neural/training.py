@@ -35,14 +35,11 @@ from __future__ import annotations
 
 import copy
 import math
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import FrameType
 from typing import Any, Protocol
 
 import numpy as np
@@ -54,12 +51,13 @@ from torch import Tensor, nn
 from poresynth import io
 from poresynth.engines.base import ProgressCallback
 from poresynth.engines.neural.checkpoint import CHECKPOINT, restore_checkpoint, save_checkpoint
+from poresynth.engines.neural.interruption import deferred_signals, explained_memory
 from poresynth.engines.neural.judge import Evaluation
 from poresynth.engines.neural.log import Log, mid_slices
 from poresynth.engines.neural.machine import Machine, processes
 from poresynth.engines.neural.noise import mix_seed
 from poresynth.engines.neural.parameters import FREE_TO_CHANGE, TrainingParameters
-from poresynth.errors import MemoryEstimateError, ParameterError, TrainingError
+from poresynth.errors import FileError, ParameterError, TrainingError
 
 __all__ = ["COLLAPSED", "Step", "Training", "train"]
 
@@ -178,8 +176,8 @@ def train(
     Raises
     ------
     TrainingError
-        If a loss is not finite, or the generator makes one phase only. The generator that was kept
-        and the last checkpoint are left.
+        If a loss or a weight is not finite, or the generator makes one phase only. The generator
+        that was kept and the last checkpoint are left.
     MemoryEstimateError
         If the device has too little memory.
     ParameterError
@@ -233,6 +231,10 @@ class _Run:
         self.losses: list[dict[str, float]] = []
 
     def go(self, resume: bool) -> Training:
+        with explained_memory(self.machine.device, self._remedy):
+            return self._go(resume)
+
+    def _go(self, resume: bool) -> Training:
         self.step.prepare(self.machine)
         self.averaged.to(self.machine.device)
         if resume:
@@ -240,13 +242,15 @@ class _Run:
         writes = self.folder is not None and self.machine.rank == 0
         with ExitStack() as stack:
             if writes and self.folder is not None:
-                self.folder.mkdir(parents=True, exist_ok=True)
+                try:
+                    self.folder.mkdir(parents=True, exist_ok=True)
+                except OSError as error:
+                    raise FileError.because(self.folder, error) from error
                 stack.enter_context(io.claim(self.folder / CHECKPOINT))
             self.log = Log(self.folder if writes else None, self.training.iteration)
             stack.callback(self.log.close)
             self.training.records = self.log.records
-            stopped = stack.enter_context(_deferred_signals())
-            stack.enter_context(self._explained_memory())
+            stopped = stack.enter_context(deferred_signals())
             self._loop(stopped)
         return self.training
 
@@ -286,14 +290,17 @@ class _Run:
         random = torch.Generator()
         random.manual_seed(mix_seed(p.training_seed, machine.rank, training.iteration))
         found = self.step.run(machine, training.iteration, random)
-        values = torch.stack([value.float() for value in found.values()]).tolist()
-        losses = dict(zip(found, values, strict=True))
-        wrong = [name for name, value in losses.items() if not math.isfinite(value)]
+        values = torch.stack([*(v.float() for v in found.values()), self._weights()]).tolist()
+        losses = dict(zip(found, values[:-1], strict=True))
+        wrong = [f"the loss {n} is" for n, value in losses.items() if not math.isfinite(value)]
+        if not math.isfinite(values[-1]):
+            # Of this step: a checkpoint of such weights would be none.
+            wrong.append("some weights are")
         if machine.agree(bool(wrong)):
-            name = wrong[0] if wrong else "of another process"
+            what = wrong[0] if wrong else "a loss of another process is"
             raise TrainingError(
-                f"the loss {name} is not finite at iteration {training.iteration + 1}; "
-                f"{self._left()}. A lower learning rate, or bfloat16 instead of float16, helps"
+                f"{what} not finite at iteration {training.iteration + 1}; {self._left()}. "
+                "A lower learning rate, or bfloat16 instead of float16, helps"
             )
         if p.ema:
             with torch.no_grad():
@@ -303,6 +310,12 @@ class _Run:
                     mean.lerp_(value, 1 - p.ema)
         training.iteration += 1
         self.losses.append(losses)
+
+    def _weights(self) -> Tensor:
+        """Return the sum of all weights: a number if all of them are."""
+        with torch.no_grad():
+            sums = [p.sum() for net in self.step.networks.values() for p in net.parameters()]
+            return torch.stack(sums).sum().float()
 
     def _evaluate(self) -> None:
         """Compare the generator with the exemplar, keep it if it is the best, save everything."""
@@ -323,10 +336,12 @@ class _Run:
             better = score is None or score < training.best_score
             training.stale = 0 if better or training.best is None else training.stale + 1
             if better:
+                new = replace(training, best=found.figures, best_iteration=training.iteration)
+                step.keep(self.averaged, found, new)
+                # Only now, for it may have found no room.
                 training.best = found.figures
                 training.best_score = float("inf") if score is None else score
                 training.best_iteration = training.iteration
-                step.keep(self.averaged, found, training)
             self._write_log(found)
             if training.best is not None and training.one_phase >= COLLAPSED:
                 failure = TrainingError(
@@ -420,49 +435,14 @@ class _Run:
 
     def _left(self) -> str:
         """Say what there is to go on from."""
-        training = self.training
-        if training.best is None:
-            return "no generator was kept"
-        kept = f"the generator of iteration {training.best_iteration} is kept"
-        if self.folder is None:
-            return kept
-        return f"{kept}, and the last checkpoint lies in {self.folder}"
+        there = []
+        if self.training.best is not None:
+            there.append(f"the generator of iteration {self.training.best_iteration} is kept")
+        if self.folder is not None and (self.folder / CHECKPOINT).exists():
+            there.append(f"the last checkpoint lies in {self.folder}")
+        return ", and ".join(there) or "no generator was kept"
 
-    @contextmanager
-    def _explained_memory(self) -> Iterator[None]:
-        try:
-            yield
-        except (torch.OutOfMemoryError, RuntimeError) as error:
-            named = isinstance(error, torch.OutOfMemoryError)
-            if not (named or "DefaultCPUAllocator" in str(error)):
-                raise
-            raise MemoryEstimateError(
-                f"{self.machine.device} has too little memory for {self.machine.part} crops at "
-                f"once; a smaller batch, or more parts by accumulate, needs less. {self._left()}"
-            ) from error
-
-
-@contextmanager
-def _deferred_signals() -> Iterator[Callable[[], BaseException | None]]:
-    """Let an iteration finish on the first Ctrl-C or SIGTERM; a second Ctrl-C breaks it off.
-
-    Gives a function that returns what is to be raised, None while nothing was heard.
-    """
-    heard: list[BaseException] = []
-
-    def note(number: int, frame: FrameType | None) -> None:
-        if heard and number == signal.SIGINT:
-            raise KeyboardInterrupt
-        heard.append(KeyboardInterrupt() if number == signal.SIGINT else SystemExit(128 + number))
-
-    before = {}
-    if threading.current_thread() is threading.main_thread():
-        usual = (signal.SIG_DFL, signal.default_int_handler)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            if signal.getsignal(number) in usual:
-                before[number] = signal.signal(number, note)
-    try:
-        yield lambda: heard[0] if heard else None
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    def _remedy(self) -> str:
+        """Say what needed memory, what needs less, and what there is to go on from."""
+        less = "a smaller batch, or more parts by accumulate, needs less"
+        return f"{self.machine.part} crops at once; {less}. {self._left()}"
