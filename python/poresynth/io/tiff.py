@@ -251,10 +251,11 @@ class _Mapped:
         self._voxels = np.ndarray(shape, dtype, self._map, offset)
 
     def __setitem__(self, box: tuple[slice, ...], part: npt.NDArray[Any]) -> None:
-        self._voxels[box] = part
-        if hasattr(mmap, "MADV_DONTNEED"):
-            # The system has the pages, and writes them when it likes.
-            self._map.madvise(mmap.MADV_DONTNEED)
+        for plane, values in zip(self._voxels[box[0]], part, strict=True):
+            plane[box[1:]] = values
+            if hasattr(mmap, "MADV_DONTNEED"):
+                # The system has the pages, whole planes of them, and writes them when it likes.
+                self._map.madvise(mmap.MADV_DONTNEED)
 
 
 def _options(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -115,7 +116,21 @@ def test_without_a_score_the_last_is_kept(tmp_path: Path) -> None:
     assert (found.ended, found.best_iteration) == ("all iterations", 12)
 
 
-@pytest.mark.parametrize("changes", [{}, {"ema": 0.9, "schedule": "cosine"}, {"accumulate": 4}])
+COMPILED = pytest.mark.skipif(shutil.which("g++") is None, reason="PyTorch compiles by g++")
+
+
+@pytest.mark.filterwarnings("ignore")  # Of the compiler, on its own code.
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"ema": 0.9, "schedule": "cosine"},
+        {"accumulate": 4},
+        {"precision": "bfloat16", "accumulate": 2, "ema": 0.9},
+        {"precision": "float16", "accumulate": 2, "ema": 0.9},
+        pytest.param({"compile": True, "accumulate": 2, "ema": 0.9}, marks=COMPILED),
+    ],
+)
 def test_a_resumed_training_is_the_uninterrupted_one_bit_for_bit(
     tmp_path: Path, changes: dict[str, Any]
 ) -> None:
@@ -396,6 +411,30 @@ def test_a_device_that_is_not_there() -> None:
 def test_bfloat16_trains(tmp_path: Path) -> None:
     found = train(Regression(), parameters(iterations=60, precision="bfloat16"), folder=tmp_path)
     assert found.records[-1]["score"] < found.records[0]["score"]
+
+
+def test_float16_scales_the_loss_and_leaves_out_a_step_that_overflows(tmp_path: Path) -> None:
+    step = Regression()
+    step.networks["net"][1] = nn.Identity()  # Whose factor would hide that of the loss.
+    # Its gradient is too large for half precision, its loss is not.
+    usual = step.run
+
+    def run(machine: Machine, iteration: int, random: torch.Generator) -> dict[str, Tensor]:
+        before = weights(step)
+        found = usual(machine, iteration, random)
+        moved.append(not same(before, weights(step)))
+        scales.append(machine.scaler_state()["scale"])
+        return found
+
+    moved: list[bool] = []
+    scales: list[float] = []
+    step.run = run  # type: ignore[method-assign]
+    train(step, parameters(precision="float16", iterations=60), folder=tmp_path)
+    left_out = moved.count(False)
+    assert scales[0] == 2.0 ** (16 - (not moved[0]))
+    assert scales[-1] == 2.0 ** (16 - left_out)
+    assert moved[-1]
+    assert Machine(parameters()).scaler_state() == {}
 
 
 def test_pictures_show_the_volume_above_the_exemplar(tmp_path: Path) -> None:

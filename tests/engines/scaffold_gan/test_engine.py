@@ -398,8 +398,18 @@ def test_what_is_no_model(tmp_path: Path, small: ScaffoldGAN) -> None:
             ScaffoldGAN.load(path)
 
 
-def test_a_resumed_training_is_the_uninterrupted_one_bit_for_bit(tmp_path: Path) -> None:
-    options = {**MICRO, "variant": "extended", "ema": 0.5, "region_shapes": "cubes", "table": 20}
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"precision": "bfloat16", "channels_last": True, "accumulate": 2},
+        {"precision": "float16", "channels_last": True, "accumulate": 2},
+    ],
+)
+def test_a_resumed_training_is_the_uninterrupted_one_bit_for_bit(
+    tmp_path: Path, changes: dict[str, Any]
+) -> None:
+    options = {**MICRO, "variant": "extended", "ema": 0.5, "table": 20, **changes}
     whole = ScaffoldGAN(**options).fit(gray(), folder=tmp_path / "whole")
 
     def stop(stage: str, fraction: float) -> None:
@@ -456,7 +466,10 @@ def test_endless_and_single_latents_both_train() -> None:
         assert micro(latents=latents, iterations=3).parameters_.latents == latents
 
 
-@pytest.mark.parametrize("options", [{"channels_last": True}, {"precision": "bfloat16"}])
+@pytest.mark.parametrize(
+    "options",
+    [{"channels_last": True}, {"precision": "bfloat16"}, {"precision": "float16"}],
+)
 def test_options_of_speed_train(options: dict[str, Any]) -> None:
     micro(iterations=3, **options)
 
