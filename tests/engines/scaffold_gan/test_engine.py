@@ -455,10 +455,32 @@ def test_every_variant_trains_with_its_losses(variant: str, tmp_path: Path) -> N
     assert set(line["losses"]) <= {"discriminator", "adversarial", "sliced_wasserstein", *extra}
 
 
-@pytest.mark.parametrize("shapes", ["cuboids", "both"])
-def test_regions_of_other_aspect_ratios(shapes: str) -> None:
-    engine = micro(region_shapes=shapes, regions=(2,), iterations=3)
-    assert engine.parameters_.region_shapes == shapes
+def test_regions_of_other_aspect_ratios(tmp_path: Path) -> None:
+    losses = {}
+    for shapes in ("cubes", "cuboids", "both"):
+        options = {"region_shapes": shapes, "regions": (2,), "iterations": 1, "evaluate_every": 1}
+        ScaffoldGAN(**{**MICRO, **options}).fit(gray(), folder=tmp_path / shapes)
+        line = json.loads((tmp_path / shapes / "log.jsonl").read_text())
+        losses[shapes] = line["losses"]["structural"]
+    # One cube and three cuboids have the same weight each.
+    assert losses["cubes"] != pytest.approx(losses["cuboids"], rel=1e-3)
+    assert 4 * losses["both"] == pytest.approx(losses["cubes"] + 3 * losses["cuboids"], rel=1e-4)
+
+
+def test_soft_porosity_and_the_bias_hold_a_one_sided_exemplar(tmp_path: Path) -> None:
+    """Of 92 % void: without them a generator swings between all void and half of it."""
+    exemplar = spinodal((48, 48, 48), porosity=0.92, wavelength=10, seed=3)
+    networks = {"latent": 8, "generator_maps": (16, 8), "discriminator_maps": (8, 16)}
+    options = {**MICRO, **networks, "iterations": 60, "batch": 4, "learning_rate": 0.003}
+    errors = []
+    for on in (False, True):
+        folder = tmp_path / str(on)
+        losses = {"output_bias": on, "porosity_weight": 10.0 * on, "evaluate_every": 10}
+        ScaffoldGAN(**{**options, **losses, "training_seed": 3}).fit(exemplar, folder=folder)
+        lines = (folder / "log.jsonl").read_text().splitlines()
+        found = [json.loads(line)["figures"]["porosity_error_percent"] for line in lines]
+        errors.append(np.mean(found))
+    assert errors[1] < errors[0] / 2
 
 
 def test_endless_and_single_latents_both_train() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -268,3 +269,54 @@ def test_soft_solid_is_nearly_the_solid_of_clear_phases() -> None:
     values = torch.where(features(28, 1, 1, 20, 20, 20) > 0.5, 1.0, -1.0)
     share = float((values > 0).float().mean())
     assert float(soft_solid(values, 0.0)) == pytest.approx(share, abs=2e-3)
+
+
+# --- what they are for ------------------------------------------------------------------------
+
+
+def followed(loss: Callable[[Tensor], Tensor], start: Tensor, steps: int = 60) -> Tensor:
+    """The volume that a loss makes of a start."""
+    raw = start.clone().requires_grad_()
+    adam = torch.optim.Adam([raw], 0.1)
+    for _ in range(steps):
+        adam.zero_grad()
+        loss(torch.tanh(raw)).backward()  # type: ignore[no-untyped-call]
+        adam.step()
+    return torch.tanh(raw).detach()
+
+
+def test_each_loss_brings_what_it_is_for() -> None:
+    """White noise, led by one loss alone to sheets across z, of which a third is solid."""
+    sheets = torch.where(torch.arange(24) % 6 < 2, 0.9, -0.9)[:, None, None].expand(24, 24, 24)
+    real = (sheets + 0.05 * features(30, 24, 24, 24))[None, None]
+    start = 0.3 * features(31, 1, 1, 24, 24, 24)
+    shape = (6, 2, 2)
+    table = look_up_table(real, shape, shape, None)
+
+    filters, drawn = random_filters(24, 1, 4, torch.Generator().manual_seed(0)), itertools.count()
+
+    def responses(volume: Tensor, seed: int) -> Tensor:
+        places = torch.rand(2000, generator=torch.Generator().manual_seed(seed))
+        return sliced_wasserstein_loss(volume, real, filters, scales=1, places=places)
+
+    def solid(volume: Tensor) -> float:
+        return abs(float((volume > 0).float().mean()) - 1 / 3)
+
+    def order(volume: Tensor) -> float:
+        """How far neighbours within a sheet, and across sheets, are from those of the sheets."""
+        found, own = covariance(volume, 3), covariance(real, 3)
+        return float((found - own).abs().mean())
+
+    def tone(volume: Tensor) -> float:
+        return abs(float(volume.square().mean()) - float(real.square().mean()))
+
+    for loss, measure in (
+        (lambda v: porosity_loss(v, 0.0, float(soft_solid(real, 0.0))), solid),
+        (lambda v: two_point_loss(v, real, 3), order),
+        # At other places each time.
+        (lambda v: responses(v, next(drawn)), lambda v: float(responses(v, 10**6))),
+        (lambda v: structural_loss(v, table, shape, shape), order),
+        (lambda v: gram_loss(v, real, 24), tone),
+    ):
+        before, after = measure(torch.tanh(start)), measure(followed(loss, start))
+        assert after < before / 2, (before, after)

@@ -266,3 +266,30 @@ def test_symmetries(symmetry: str, keep: str | None, count: int) -> None:
         sums = [c[0].sum((1, 2)) for c in drawn]
         for s in sums:
             assert all(min(abs(v - p) for p in planes) < 1e-4 for v in s.tolist())
+
+
+def test_symmetries_are_those_of_a_cube() -> None:
+    """Against quarter turns about the axes, one after another, and a mirror."""
+    cube = np.arange(27).reshape(3, 3, 3)
+    found = {"none": {cube.tobytes()}, "rotations": {cube.tobytes()}}
+    while True:
+        turned = {
+            np.ascontiguousarray(np.rot90(np.frombuffer(c, cube.dtype).reshape(3, 3, 3), 1, axes))
+            .tobytes()
+            for c in found["rotations"]
+            for axes in ((0, 1), (1, 2), (0, 2))
+        }  # fmt: skip
+        if turned <= found["rotations"]:
+            break
+        found["rotations"] |= turned
+    mirrored = (np.frombuffer(c, cube.dtype).reshape(3, 3, 3)[::-1] for c in found["rotations"])
+    found["full"] = found["rotations"] | {c.tobytes() for c in mirrored}
+    found["flips"] = {
+        cube[::z, ::y, ::x].tobytes() for z, y, x in itertools.product((1, -1), repeat=3)
+    }
+    for name, expected in found.items():
+        copies = {
+            np.flip(cube.transpose(turn.order), turn.mirrored).tobytes()
+            for turn in turns(name)  # type: ignore[arg-type]
+        }
+        assert copies == expected
