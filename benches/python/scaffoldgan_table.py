@@ -3,11 +3,11 @@
     python benches/python/scaffoldgan_table.py bone.tif --folder models [--preset small]
         [--set iterations=2000 …] [--methods full volume …] [--samples 10] [--edge 120] [--device …]
 
-Trained models stay in the folder: a method that is asked for again is sampled, not trained again,
-and one that was stopped goes on. The table is written to FOLDER/table.md, with the paper's figures
-for its own exemplar of bone beside it, and FOLDER/table.json holds all samples. Porosities are
-those at the exemplar's threshold, as the networks make them; the texture engines meet the porosity
-by construction.
+Trained models and measured samples stay in the folder, one for each exemplar: a method that is
+asked for again is sampled, not trained again, and one that was stopped goes on. The table, of all
+that was measured, is written to FOLDER/table.md, with the paper's figures for its own exemplar of
+bone beside it, and FOLDER/table.json holds all samples. Porosities are those at the exemplar's
+threshold, as the networks make them; the texture engines meet the porosity by construction.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -88,32 +88,29 @@ def texture(name: str, exemplar: Volume) -> Any:
     return TEXTURE[name]().fit(images)
 
 
-def measure(name: str, exemplar: Volume, asked: argparse.Namespace) -> list[dict[str, float]]:
-    """The figures of the samples of a method."""
+def measure(name: str, exemplar: Volume, asked: argparse.Namespace) -> Iterator[dict[str, float]]:
+    """Give the figures of the samples of a method, one after the other."""
     is_network = name in VARIANTS
     engine = network(name, exemplar, asked) if is_network else texture(name, exemplar)
     phases = Phases.of(exemplar, "auto", None, "bright")
     own = phases.phase > 0
     options: dict[str, Any] = {"cut_at": "exemplar"} if is_network else {}
-    rows = []
     for seed in range(asked.samples):
         begin = time.perf_counter()
         made = engine.sample((asked.edge,) * 3, seed=seed, **options)
         seconds = time.perf_counter() - begin
         solid = phases.phase_of(made.array) > 0
         sizes = metrics.component_sizes(solid)
-        rows.append(
-            {
-                "porosity_error": 100 * abs(metrics.porosity(solid) / phases.porosity - 1),
-                "two_point_error": metrics.two_point_error(own, solid),
-                "components": float(len(sizes)),
-                "floating_parts": float(np.count_nonzero(sizes < 10)),
-                "component_wasserstein": metrics.component_wasserstein(own, solid),
-                "seconds": seconds,
-            }
-        )
-        print(f"{name}, seed {seed}: {rows[-1]}", flush=True)
-    return rows
+        row = {
+            "porosity_error": 100 * abs(metrics.porosity(solid) / phases.porosity - 1),
+            "two_point_error": metrics.two_point_error(own, solid),
+            "components": float(len(sizes)),
+            "floating_parts": float(np.count_nonzero(sizes < 10)),
+            "component_wasserstein": metrics.component_wasserstein(own, solid),
+            "seconds": seconds,
+        }
+        print(f"{name}, seed {seed}: {row}", flush=True)
+        yield row
 
 
 def table(exemplar: Volume, found: dict[str, list[dict[str, float]]], asked: Any) -> str:
@@ -125,13 +122,15 @@ def table(exemplar: Volume, found: dict[str, list[dict[str, float]]], asked: Any
         f"Exemplar {asked.exemplar.name}, {' × '.join(map(str, exemplar.shape))}: porosity "
         f"{100 * phases.porosity:.2f} %, {len(sizes)} components, {floating} floating parts.",
         "",
-        "| method | ε_err % | D2 % | N_cc / N_f | D_w | time, s | the paper on its bone |",
-        "|---|---|---|---|---|---|---|",
+        "| method | samples | ε_err % | D2 % | N_cc / N_f | D_w | time, s | the paper, its bone |",
+        "|---|---|---|---|---|---|---|---|",
     ]
-    for name, rows in found.items():
+    for name in (name for name in METHODS if found.get(name)):
+        rows = found[name]
         mean = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
         cells = [
             name,
+            f"{len(rows)}",
             f"{mean['porosity_error']:.2f}",
             f"{mean['two_point_error']:.2f}",
             f"{mean['components']:.0f} / {mean['floating_parts']:.0f}",
@@ -143,7 +142,7 @@ def table(exemplar: Volume, found: dict[str, list[dict[str, float]]], asked: Any
     settings = f" with {' '.join(asked.set)}" if asked.set else ""
     lines += [
         "",
-        f"Means of {asked.samples} samples of {asked.edge}³. Networks: preset {asked.preset}"
+        f"Means of samples of {asked.edge}³. Networks: preset {asked.preset}"
         f"{settings}, poresynth {poresynth.__version__}, {machine()}.",
     ]
     return "\n".join(lines) + "\n"
@@ -170,12 +169,17 @@ def main() -> None:
     asked = parser.parse_args()
     exemplar = poresynth.read(asked.exemplar)
     asked.folder.mkdir(parents=True, exist_ok=True)
+    record = asked.folder / "table.json"
     found: dict[str, list[dict[str, float]]] = {}
+    if record.exists():
+        found = json.loads(record.read_text())
     for name in asked.methods:
-        found[name] = measure(name, exemplar, asked)
-        # After each method, so that a run that is stopped leaves what it has.
-        (asked.folder / "table.json").write_text(json.dumps(found, indent=1) + "\n")
-        (asked.folder / "table.md").write_text(table(exemplar, found, asked), encoding="utf-8")
+        found[name] = []
+        for row in measure(name, exemplar, asked):
+            # After each sample, so that a run that is stopped leaves what it has.
+            found[name].append(row)
+            record.write_text(json.dumps(found, indent=1) + "\n")
+            (asked.folder / "table.md").write_text(table(exemplar, found, asked), encoding="utf-8")
     print(table(exemplar, found, asked))
 
 

@@ -321,3 +321,20 @@ def test_the_limit_of_a_files_size(suffix: str, tmp_path: Path) -> None:
     assert re.fullmatch(f"new{re.escape(suffix)}: ({allowed})\n", said), said + errors
     assert errors == ""
     assert list(tmp_path.iterdir()) == []
+
+
+@posix
+def test_a_disk_without_room_for_the_lock_leaves_none(tmp_path: Path) -> None:
+    """An empty lock names nobody: it would stand in the way for ever."""
+    import resource
+
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1, limits[1]))
+    try:
+        with pytest.raises(FileError, match=r"new\.tif: "):
+            claim(tmp_path / "new.tif").__enter__()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert list(tmp_path.iterdir()) == []
+    with claim(tmp_path / "new.tif"):
+        pass

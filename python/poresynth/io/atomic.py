@@ -309,8 +309,12 @@ def _create(lock: Path) -> bool:
         descriptor = os.open(lock, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644)
     except FileExistsError:
         return False
-    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-        file.write(f"{os.getpid()} {socket.gethostname()}\n")
+    try:
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(f"{os.getpid()} {socket.gethostname()}\n")
+    except BaseException:
+        lock.unlink(missing_ok=True)  # A lock without a name would never be taken over.
+        raise
     return True
 
 
