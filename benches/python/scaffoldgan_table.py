@@ -7,7 +7,8 @@ Trained models and measured samples stay in the folder, one for each exemplar: a
 asked for again is sampled, not trained again, and one that was stopped goes on. The table, of all
 that was measured, is written to FOLDER/table.md, with the paper's figures for its own exemplar of
 bone beside it, and FOLDER/table.json holds all samples. Porosities are those at the exemplar's
-threshold, as the networks make them; the texture engines meet the porosity by construction.
+threshold, as the networks make them; `volume` meets the porosity by construction, `solid` that of
+the mid-slices that it learns from.
 """
 
 from __future__ import annotations
