@@ -4,7 +4,9 @@ use rayon::prelude::*;
 
 use super::distribution::{BINS, Correction, Distribution, Range, count};
 use super::filters::Group;
-use super::stacks::{Aligned, LANES, Layout, Positions, range, sum_of_squares};
+use super::stacks::{
+    Aligned, LANES, Layout, Positions, add_products, range, sum_of_squares,
+};
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::texture::field::Field;
@@ -256,20 +258,21 @@ fn mix(values: &mut [f32], group: &Group<'_>, order: Order, back: bool) {
         return;
     }
     let pitch = order.pitch();
-    let mut mixed = vec![0.0; channels];
+    let mut before = vec![0.0; channels * pitch];
     for (k, filter) in group.filters.iter().enumerate() {
-        for i in 0..pitch {
-            let at = |c: usize| (c * filters + k) * pitch + i;
-            for (to, mixed) in mixed.iter_mut().enumerate() {
-                let factor = |from: usize| {
-                    let [q, c] = if back { [from, to] } else { [to, from] };
-                    filter.directions[q * channels + c]
-                };
-                *mixed = (0..channels).map(|from| factor(from) * values[at(from)]).sum();
-            }
-            for (c, &mixed) in mixed.iter().enumerate() {
-                values[at(c)] = mixed;
-            }
+        let row = |c: usize| (c * filters + k) * pitch..(c * filters + k + 1) * pitch;
+        for (c, before) in before.chunks_exact_mut(pitch).enumerate() {
+            before.copy_from_slice(&values[row(c)]);
+        }
+        for to in 0..channels {
+            let factor = |from: usize| {
+                let [q, c] = if back { [from, to] } else { [to, from] };
+                filter.directions[q * channels + c]
+            };
+            let out = &mut values[row(to)];
+            out.fill(0.0);
+            let rows = before.chunks_exact(pitch).enumerate();
+            add_products(out, rows.map(|(from, row)| (factor(from), row)));
         }
     }
 }

@@ -267,7 +267,10 @@ impl Layout {
 }
 
 /// Adds rows, each times its factor.
-fn add_products<'a>(out: &mut [f32], terms: impl Iterator<Item = (f32, &'a [f32])> + Clone) {
+pub(super) fn add_products<'a>(
+    out: &mut [f32],
+    terms: impl Iterator<Item = (f32, &'a [f32])> + Clone,
+) {
     let n = out.len();
     for start in (0..n).step_by(BLOCK) {
         let block = start..n.min(start + BLOCK);
