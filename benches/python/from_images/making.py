@@ -30,31 +30,50 @@ RUNS = {
 }
 
 
+@dataclass(frozen=True, order=True)
+class Time:
+    """What something took, of a clock on the wall and of all cores together."""
+
+    seconds: float
+    cpu_seconds: float
+
+    @classmethod
+    def now(cls) -> Time:
+        """Both clocks."""
+        return cls(time.perf_counter(), time.process_time())
+
+    def until_now(self) -> Time:
+        """What has passed since."""
+        now = Time.now()
+        return Time(now.seconds - self.seconds, now.cpu_seconds - self.cpu_seconds)
+
+
 @dataclass(frozen=True, eq=False)
 class Made:
-    """Volumes of several seeds; the seconds of the fit, and of one volume after it (median)."""
+    """Volumes of several seeds; the times of the fit, and of one volume after it (median)."""
 
     volumes: list[Volume]
     mode: str
-    fit_seconds: float
-    sample_seconds: float
+    fit: Time
+    sample: Time
 
     def seconds(self) -> dict[str, float]:
         """What it takes to make one volume, and the part of it that the fit is."""
         return {
-            "seconds": round(self.fit_seconds + self.sample_seconds, 2),
-            "fit_seconds": round(self.fit_seconds, 2),
+            "seconds": round(self.fit.seconds + self.sample.seconds, 2),
+            "fit_seconds": round(self.fit.seconds, 2),
+            "cpu_seconds": round(self.fit.cpu_seconds + self.sample.cpu_seconds, 2),
         }
 
 
 def synthesise(images: Sequence[Volume], edge: int, seeds: int, **parameters: Any) -> Made:
     """Make a cube a seed."""
-    start = time.perf_counter()
+    start = Time.now()
     engine = SolidTexture(**parameters).fit(images)
-    fit = time.perf_counter() - start
-    volumes, seconds = [], []
+    fit = start.until_now()
+    volumes, times = [], []
     for seed in range(seeds):
-        start = time.perf_counter()
+        start = Time.now()
         volumes.append(engine.sample((edge,) * 3, seed=seed))
-        seconds.append(time.perf_counter() - start)
-    return Made(volumes, engine.mode_, fit, statistics.median(seconds))
+        times.append(start.until_now())
+    return Made(volumes, engine.mode_, fit, statistics.median_low(times))

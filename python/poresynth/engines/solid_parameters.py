@@ -91,10 +91,13 @@ MODES: dict[str, dict[str, Any]] = {
 }
 """What each mode changes against the defaults."""
 
-# Texture optimisation as published: no responses, the images' own values. Histograms are matched
-# after every iteration in all of them: by weights alone, rocks of low porosity become one phase.
+# Texture optimisation as published: no responses, images as they are, their own values. Histograms
+# are matched after every iteration in all of them: by weights alone, rocks of low porosity become
+# one phase. The papers take the nearest window that their tree finds: with 3 instead of 10 that are
+# ranked again the search takes half the time, and sections score as well.
 _PUBLISHED: dict[str, Any] = {
     "mode": "structured",
+    "symmetric": False,
     "field": "intensity",
     "smoothing": 0.0,
     "filters": 0,
@@ -102,6 +105,7 @@ _PUBLISHED: dict[str, Any] = {
     "iterations": (30,),
     "tolerance": 0.005,
     "components": 64,
+    "candidates": 3,
 }
 
 SOLID_PRESETS: dict[str, dict[str, Any]] = {

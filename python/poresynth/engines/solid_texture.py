@@ -77,7 +77,7 @@ class SolidTexture:
         Importance of each of the axes; 1 by default.
     symmetric : bool, optional
         Whether an image may be mirrored and turned by 90°: eight views. By default one image may,
-        for it stands for all directions, and several may not.
+        for it stands for all directions, and several may not; nor may any in the presets of papers.
     threshold : float, optional
         Gray value that parts pore from solid; Otsu's of all images together by default.
     solid : {"bright", "dark"}, default "bright"
