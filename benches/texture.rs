@@ -157,6 +157,7 @@ fn whole(c: &mut Criterion) {
         tolerance: 0.005,
         patience: 3,
         start: Start::Blocks(8),
+        starts: 1,
         components: 32,
         variance: 0.95,
         emphasis: Emphasis::None,

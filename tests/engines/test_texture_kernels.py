@@ -33,6 +33,7 @@ OPTIONS = {
     "patience": 3,
     "start": "blocks",
     "block": 4,
+    "starts": 1,
     "components": 64,
     "variance": 1.0,
     "emphasis": "none",

@@ -130,6 +130,7 @@ def options(p: SolidParameters) -> dict[str, Any]:
         "levels": levels,
         "start": "random_field" if p.filters > 0 else "voxels",
         "block": 1,
+        "starts": 1,
         "patience": 3 if p.tolerance > 0 else 1001,
         "run_penalty": 0.0,
         "run_reach": 1,

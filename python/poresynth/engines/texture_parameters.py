@@ -30,6 +30,7 @@ class TextureParameters(BaseModel):
     iterations: int = Field(12, ge=1, le=1000)
     tolerance: float = Field(0.005, ge=0, lt=1)
     block: int = Field(8, ge=1)
+    starts: int | None = Field(None, ge=1, le=1000)
     components: int = Field(32, ge=1, le=256)
     variance: float = Field(0.95, gt=0, le=1)
     symmetry: Literal["none", "flips", "rotations", "full"] = "none"
@@ -67,6 +68,10 @@ class TextureParameters(BaseModel):
                 "steps", steps, f"must be one a window, none larger than it: {self.windows}"
             )
         return list(zip(self.windows, steps, strict=True))
+
+    def trials(self) -> int:
+        """Return how many volumes are begun at the coarsest level."""
+        return self.starts or (8 if self.levels > 2 else 1)
 
 
 PRESETS: dict[str, dict[str, Any]] = {

@@ -27,6 +27,7 @@ pub(super) struct Options {
     patience: usize,
     start: String,
     block: usize,
+    starts: usize,
     components: usize,
     variance: f32,
     emphasis: String,
@@ -102,6 +103,7 @@ impl Options {
                     return Err(Error::parameter("start", other, allowed));
                 }
             },
+            starts: self.starts,
             boundary: self.boundary.parse()?,
             tolerance: self.tolerance,
             patience: self.patience,

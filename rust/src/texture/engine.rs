@@ -15,6 +15,7 @@ use super::random_field::random_field;
 use super::responses::{ResponseMatching, Target, pooled_quantiles};
 use super::search::penalty::{IndexHistogram, RunPenalty};
 use super::search::{Scene, Search, prepare};
+use super::starts::nearest;
 use super::symmetry::View;
 use super::{poisson, pyramid};
 use crate::error::Result;
@@ -59,21 +60,30 @@ pub fn synthesize(
     parameters.check(examples, shape, &constraints)?;
     let count = parameters.levels.len();
     let levels = Levels::new(examples, shape, constraints, count);
-    let (field, maps) = start(examples, &levels, parameters, key.with(0), monitor)?;
     let work = parameters.levels.iter().map(steps).sum::<usize>();
-    let mut run = Run {
-        examples,
-        levels: &levels,
-        parameters,
-        monitor,
-        made: Synthesis { field, maps, energy: Vec::new() },
-        done: 0,
-        work: work as f64,
-    };
-    for level in (0..count).rev() {
-        run.level(level, key)?;
+    let mut run =
+        Run { examples, levels: &levels, parameters, monitor, key, done: 0, work: work as f64 };
+    let coarsest = count - 1;
+    let mut trials = (0..parameters.starts as u64)
+        .map(|i| {
+            // The first trial's key is the run's own.
+            let key = if i == 0 { key } else { key.with(u64::MAX - i) };
+            let (field, maps) = start(examples, &levels, parameters, key.with(0), monitor)?;
+            Ok(Trial { made: Synthesis { field, maps, energy: Vec::new() }, key })
+        })
+        .collect::<Result<Vec<_>>>()?;
+    run.level(coarsest, &mut trials)?;
+    if trials.len() > 1 {
+        let fields: Vec<&Field> = trials.iter().map(|trial| &trial.made.field).collect();
+        let domain = levels.domains[coarsest].as_deref();
+        let best = nearest(&levels.exemplars[coarsest][0], &fields, domain, monitor)?;
+        trials.swap(0, best);
+        trials.truncate(1);
     }
-    Ok(run.made)
+    for level in (0..coarsest).rev() {
+        run.level(level, &mut trials)?;
+    }
+    Ok(trials.swap_remove(0).made)
 }
 
 /// Parts of a level that are reported one by one.
@@ -146,10 +156,16 @@ struct Run<'a> {
     levels: &'a Levels,
     parameters: &'a Parameters,
     monitor: &'a Monitor<'a>,
-    made: Synthesis,
+    key: Key,
     /// Parts that are done, of all.
     done: usize,
     work: f64,
+}
+
+/// A volume under way: at the coarsest level several, of which one goes on.
+struct Trial {
+    made: Synthesis,
+    key: Key,
 }
 
 /// What all parts of a level need.
@@ -157,6 +173,13 @@ struct Level<'a> {
     index: usize,
     quantiles: Vec<Quantiles>,
     matching: Option<ResponseMatching<'a>>,
+}
+
+impl Level<'_> {
+    /// What progress calls a neighbourhood size.
+    fn name(&self, stage: Stage) -> String {
+        format!("level {}, window {}", self.index, stage.window)
+    }
 }
 
 /// One exemplar at one level, ready for one neighbourhood size.
@@ -169,10 +192,12 @@ struct Side<'a> {
 
 impl<'a> Run<'a> {
     /// Does all of one level.
-    fn level(&mut self, index: usize, key: Key) -> Result<()> {
+    fn level(&mut self, index: usize, trials: &mut [Trial]) -> Result<()> {
         let p = self.parameters;
         let plan = &p.levels[index];
-        self.enter(index)?;
+        for trial in &mut *trials {
+            self.enter(index, &mut trial.made)?;
+        }
         let sources = &self.levels.exemplars[index];
         let quantiles = (0..sources[0].channels())
             .map(|c| {
@@ -182,7 +207,7 @@ impl<'a> Run<'a> {
             .collect();
         let matching = match plan.filters {
             Some(bank) => {
-                let size = (self.made.field.channels(), self.made.field.shape());
+                let size = (sources[0].channels(), self.levels.shapes[index]);
                 Some(ResponseMatching::new(&targets(self.examples, sources), size, bank)?)
             }
             None => None,
@@ -190,17 +215,17 @@ impl<'a> Run<'a> {
         let level = Level { index, quantiles, matching };
         let first = 1 + index * plan.stages.len();
         let [before, after] = plan.response_steps;
-        self.respond(&level, before, key.with(first as u64).with(u64::MAX))?;
+        self.respond(&level, trials, before, [first as u64, u64::MAX])?;
         for (s, &stage) in plan.stages.iter().enumerate() {
-            self.stage(&level, stage, key.with((first + s) as u64))?;
+            self.stage(&level, stage, trials, (first + s) as u64)?;
         }
-        self.respond(&level, after, key.with(first as u64).with(u64::MAX - 1))
+        self.respond(&level, trials, after, [first as u64, u64::MAX - 1])
     }
 
     /// Brings field and maps to the resolution of a level.
-    fn enter(&mut self, level: usize) -> Result<()> {
+    fn enter(&self, level: usize, made: &mut Synthesis) -> Result<()> {
         let shape = self.levels.shapes[level];
-        let Synthesis { field, maps, .. } = &mut self.made;
+        let Synthesis { field, maps, .. } = made;
         if shape != field.shape() {
             *field = if self.parameters.levels[level].filters.is_some() {
                 let mut values = Vec::new();
@@ -217,12 +242,18 @@ impl<'a> Run<'a> {
                 *map = map.doubled(shape);
             }
         }
-        self.levels.keep_known(level, &mut self.made.field);
+        self.levels.keep_known(level, field);
         Ok(())
     }
 
     /// Takes steps of response matching.
-    fn respond(&mut self, level: &Level<'_>, steps: usize, key: Key) -> Result<()> {
+    fn respond(
+        &mut self,
+        level: &Level<'_>,
+        trials: &mut [Trial],
+        steps: usize,
+        [stage, part]: [u64; 2],
+    ) -> Result<()> {
         if steps == 0 {
             return Ok(());
         }
@@ -230,30 +261,65 @@ impl<'a> Run<'a> {
         for step in 0..steps {
             let share = step as f64 / steps as f64;
             self.monitor.report(&*name, (self.done as f64 + share) / self.work);
-            self.response_step(level, key.with(step as u64))?;
+            for Trial { made, key } in &mut *trials {
+                let key = key.with(stage).with(part).with(step as u64);
+                self.response_step(level, &mut made.field, key)?;
+            }
         }
         self.done += 1;
         Ok(())
     }
 
-    fn response_step(&mut self, level: &Level<'_>, key: Key) -> Result<()> {
+    fn response_step(&self, level: &Level<'_>, field: &mut Field, key: Key) -> Result<()> {
         if let Some(matching) = &level.matching {
-            matching.step(&mut self.made.field, &level.quantiles, key, self.monitor)?;
-            self.levels.keep_known(level.index, &mut self.made.field);
+            matching.step(field, &level.quantiles, key, self.monitor)?;
+            self.levels.keep_known(level.index, field);
         }
         Ok(())
     }
 
-    /// Iterates with one neighbourhood size until the energy settles.
-    fn stage(&mut self, level: &Level<'_>, stage: Stage, key: Key) -> Result<()> {
+    /// Does one neighbourhood size.
+    fn stage(
+        &mut self,
+        level: &Level<'_>,
+        stage: Stage,
+        trials: &mut [Trial],
+        number: u64,
+    ) -> Result<()> {
+        let part = self.done as f64;
+        self.monitor.report(&*level.name(stage), part / self.work);
+        let iterations = self.parameters.levels[level.index].iterations;
+        if iterations > 0 {
+            let sides = self.sides(level.index, stage, self.key.with(number))?;
+            let count = trials.len() as f64;
+            for (i, Trial { made, key }) in trials.iter_mut().enumerate() {
+                let done = part + i as f64 / count;
+                self.iterate(level, stage, &sides, made, key.with(number), |share| {
+                    (done + share / count) / self.work
+                })?;
+            }
+        }
+        self.done += 1;
+        Ok(())
+    }
+
+    /// Iterates with one neighbourhood size until the energy settles; `done` turns the share of the
+    /// iterations into that of all work.
+    fn iterate(
+        &self,
+        level: &Level<'_>,
+        stage: Stage,
+        sides: &[Side<'_>],
+        made: &mut Synthesis,
+        key: Key,
+        done: impl Fn(f64) -> f64,
+    ) -> Result<()> {
         let p = self.parameters;
         let Level { index, quantiles, .. } = level;
         let index = *index;
         let plan = &p.levels[index];
-        let cold = self.made.energy.is_empty();
-        let name = format!("level {index}, window {}", stage.window);
-        self.monitor.report(&*name, self.done as f64 / self.work);
-        let sides = if plan.iterations > 0 { self.sides(index, stage, key)? } else { Vec::new() };
+        let cold = made.energy.is_empty();
+        let name = level.name(stage);
         let mut factor = 1.0f32;
         let (mut before, mut lowest, mut stale) = (f64::INFINITY, f64::INFINITY, 0);
         for iteration in 0..plan.iterations {
@@ -267,7 +333,7 @@ impl<'a> Run<'a> {
                 };
                 // The first exemplar's key is the iteration's own.
                 let key = if i == 0 { key } else { key.with(i as u64) };
-                found.push(self.search(index, stage, (i, side), passes, key)?);
+                found.push(self.search(index, stage, (i, side), made, passes, key)?);
             }
             let (data, gradient) = energy(&found, p.gradient);
             let energy = data + gradient;
@@ -277,10 +343,10 @@ impl<'a> Run<'a> {
             } else if p.adaptive && energy > (1.0 + SAME) * before {
                 factor *= 1.0 - DECAY;
             }
-            self.optimise(index, &sides, &weights(&found, factor), quantiles)?;
+            self.optimise(index, sides, made, &weights(&found, factor), quantiles)?;
             // Beyond the iterations' own keys, whatever their number.
-            self.response_step(level, key.with(u64::MAX))?;
-            self.made.energy.push(EnergyRecord {
+            self.response_step(level, &mut made.field, key.with(u64::MAX))?;
+            made.energy.push(EnergyRecord {
                 level: index,
                 window: stage.window,
                 iteration,
@@ -290,14 +356,13 @@ impl<'a> Run<'a> {
                 factor,
             });
             let share = (iteration + 1) as f64 / plan.iterations as f64;
-            self.monitor.report(&*name, (self.done as f64 + share) / self.work);
+            self.monitor.report(&*name, done(share));
             stale = if energy < (1.0 - f64::from(p.tolerance)) * lowest { 0 } else { stale + 1 };
             if stale == p.patience {
                 break;
             }
             (before, lowest) = (energy, lowest.min(energy));
         }
-        self.done += 1;
         Ok(())
     }
 
@@ -325,17 +390,18 @@ impl<'a> Run<'a> {
     /// The search phase of one exemplar, on a lattice shifted at random: without the shift the windows'
     /// borders would always fall on the same planes and show.
     fn search(
-        &mut self,
+        &self,
         level: usize,
         stage: Stage,
         (i, side): (usize, &Side<'_>),
+        made: &mut Synthesis,
         passes: usize,
         key: Key,
     ) -> Result<Matched> {
         let p = self.parameters;
         let set = &side.set;
         let shift = std::array::from_fn(|a| key.below(a as u64, stage.step));
-        let shape = self.made.field.shape();
+        let shape = made.field.shape();
         let (window, step) = (set.window(), side.example.extent(stage.step));
         let lattice = Lattice::new(shape, window, step, shift, p.boundary);
         let active = active_sites(&lattice, self.levels.domains[level].as_deref());
@@ -343,7 +409,7 @@ impl<'a> Run<'a> {
             .then(|| RunPenalty { reach: p.run_reach, cost: p.run_penalty * set.spread() });
         let mut found = Matched::default();
         for pass in 0..passes {
-            let map = &mut self.made.maps[i];
+            let map = &mut made.maps[i];
             let histogram = match p.index_weight {
                 IndexWeight::Off => None,
                 IndexWeight::Literal => Some(IndexHistogram::new(map, set, false)),
@@ -351,7 +417,7 @@ impl<'a> Run<'a> {
             };
             let key = key.with(pass as u64);
             let scene = Scene::new(set, map, &lattice, histogram, run, key);
-            let (field, fit) = (&self.made.field, (p.exponent, p.gradient > 0.0));
+            let (field, fit) = (&made.field, (p.exponent, p.gradient > 0.0));
             let backend = &*side.backend;
             let (matches, fits) = match_sites(&scene, backend, field, &active, fit, self.monitor)?;
             *map = MatchMap { lattice: lattice.clone(), matches };
@@ -362,14 +428,15 @@ impl<'a> Run<'a> {
 
     /// The optimisation phase: least squares, gradients, histogram, known voxels.
     fn optimise(
-        &mut self,
+        &self,
         level: usize,
         sides: &[Side<'_>],
+        made: &mut Synthesis,
         weights: &[Vec<f32>],
         quantiles: &[Quantiles],
     ) -> Result<()> {
         let p = self.parameters;
-        let Synthesis { field, maps, .. } = &mut self.made;
+        let Synthesis { field, maps, .. } = made;
         let emphases: Vec<Option<Vec<f32>>> = sides
             .iter()
             .zip(&*maps)

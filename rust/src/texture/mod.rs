@@ -24,6 +24,7 @@ pub mod pyramid;
 pub mod random_field;
 pub mod responses;
 pub mod search;
+mod starts;
 pub mod symmetry;
 pub mod windows;
 

@@ -121,6 +121,7 @@ pub struct Parameters {
     pub tolerance: f32,
     pub patience: usize,
     pub start: Start,
+    pub starts: usize,
     pub components: usize,
     pub variance: f32,
     pub emphasis: Emphasis,
@@ -212,6 +213,10 @@ impl Parameters {
         if fourier && !(images && p.boundary == Boundary::Periodic) {
             let allowed = "must be periodic, and made of images, where responses are matched";
             return Err(Error::parameter("boundary", p.boundary, allowed));
+        }
+        if p.starts == 0 || p.starts > 1 && (examples.len() > 1 || images) {
+            let allowed = "must be 1, or more if the only exemplar is a volume";
+            return Err(Error::parameter("starts", p.starts, allowed));
         }
         for stage in p.levels.iter().flat_map(|plan| &plan.stages) {
             if stage.step == 0 || stage.step > stage.window {

@@ -50,6 +50,7 @@ fn parameters() -> Parameters {
         tolerance: 0.0,
         patience: 3,
         start: Start::Blocks(6),
+        starts: 1,
         components: 16,
         variance: 0.95,
         emphasis: Emphasis::None,
@@ -237,6 +238,7 @@ fn what_does_not_fit_is_refused() {
     refuse(parameters(), [0, 13, 19], none());
     refuse(parameters(), [1 << 20, 13, 19], none());
     refuse(parameters(), SHAPE, Constraints { known: None, domain: Some(vec![true; 3]) });
+    refuse(Parameters { starts: 0, ..parameters() }, SHAPE, none());
 }
 
 #[test]
@@ -256,4 +258,23 @@ fn an_output_of_the_window_itself_works() {
         );
         assert_eq!(made.unwrap().field.shape(), [4, 4, 4]);
     }
+}
+
+#[test]
+fn of_several_starts_the_one_that_is_nearest_to_the_exemplar_goes_on() {
+    let levels = |iterations| vec![plan(iterations, Backend::Coherent)];
+    let source = exemplar(1);
+    let made = |starts, threads| {
+        let p = Parameters { levels: levels(2), starts, ..parameters() };
+        with_threads(threads, || run(&p, Constraints::default())).unwrap().field
+    };
+    let [one, six] = [made(1, 2), made(6, 2)];
+    assert!(one != six);
+    let both = nearest(&source, &[&one, &six], None, &Monitor::silent()).unwrap();
+    assert_eq!(both, 1);
+    assert!(six == made(6, 1) && six == made(6, 3));
+    // The first start is that of a run with one.
+    let six = made(6, 2);
+    let again = nearest(&source, &[&six, &one, &made(2, 2)], None, &Monitor::silent()).unwrap();
+    assert_eq!(again, 0);
 }
