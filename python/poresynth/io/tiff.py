@@ -251,11 +251,20 @@ class _Mapped:
         self._voxels = np.ndarray(shape, dtype, self._map, offset)
 
     def __setitem__(self, box: tuple[slice, ...], part: npt.NDArray[Any]) -> None:
-        for plane, values in zip(self._voxels[box[0]], part, strict=True):
-            plane[box[1:]] = values
-            if hasattr(mmap, "MADV_DONTNEED"):
-                # The system has the pages, whole planes of them, and writes them when it likes.
-                self._map.madvise(mmap.MADV_DONTNEED)
+        own = self._voxels[box]
+        for plane, values in zip(own, np.broadcast_to(part, own.shape), strict=True):
+            plane[...] = values
+            self._give_back()
+
+    def __getitem__(self, box: tuple[slice, ...]) -> npt.NDArray[Any]:
+        part = np.array(self._voxels[box])
+        self._give_back()
+        return part
+
+    def _give_back(self) -> None:
+        """Let the system have the pages, whole planes of them; it writes them when it likes."""
+        if hasattr(mmap, "MADV_DONTNEED"):
+            self._map.madvise(mmap.MADV_DONTNEED)
 
 
 def _options(
