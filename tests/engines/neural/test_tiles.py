@@ -48,6 +48,19 @@ def test_a_window_holds_the_field_and_asks_for_each_tile_once(
     assert len(set(tiles.asked)) == len(tiles.asked) == np.prod([len(n) for n in needed])
 
 
+@given(CORNER, SHAPE, st.integers(0, 2**32 - 1))
+def test_tiles_where_nothing_matters_are_not_computed(
+    start: Triple, shape: Triple, seed: int
+) -> None:
+    domain = np.random.default_rng(seed).random(shape) > 0.98
+    tiles, all_tiles = Hash(), Hash()
+    found = assemble(tiles, start, shape, domain=domain)
+    whole = assemble(all_tiles, start, shape)
+    assert np.array_equal(found[:, domain], whole[:, domain])
+    at = np.argwhere(domain) + start
+    assert set(tiles.asked) == {tuple(map(int, place // tiles.edge)) for place in at}
+
+
 @given(SHAPE, st.integers(1, 7))
 def test_blocks_cover_a_window_once(shape: Triple, edge: int) -> None:
     count = np.zeros(shape, int)

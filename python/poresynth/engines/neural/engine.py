@@ -311,7 +311,7 @@ class NeuralEngine(ABC):
             Not for neural engines: they cannot keep voxels.
         mask : numpy.ndarray of bool, optional
             The voxels that matter, shape (z, y, x); those outside hold the pore's lowest value, and
-            do not count for the porosity.
+            do not count for the porosity. Tiles without any are not computed.
         threads : int, default 0
             Tiles computed at once on a CPU; 0 takes all cores. The result does not depend on it.
         progress : callable, optional
@@ -384,7 +384,14 @@ class NeuralEngine(ABC):
         needed = self.estimate_memory(request.shape, threads=request.threads) + request.memory
         check_memory(needed, f"a volume of {request.shape}")
         report = None if progress is None else lambda share: progress("sampling", share)
-        field = assemble(tiles, start, request.shape, threads=request.threads, progress=report)
+        field = assemble(
+            tiles,
+            start,
+            request.shape,
+            domain=request.domain,
+            threads=request.threads,
+            progress=report,
+        )
         values = self._scaling.values(field)
         own = self._phases.phase_of(values) == 0
         raw = float(own.mean() if request.domain is None else own[request.domain].mean())

@@ -75,6 +75,7 @@ def assemble(
     start: Sequence[int],
     shape: Sequence[int],
     *,
+    domain: npt.NDArray[np.bool_] | None = None,
     threads: int = 0,
     progress: Callable[[float], object] | None = None,
 ) -> Field:
@@ -88,6 +89,8 @@ def assemble(
         First voxel of the window, any integers.
     shape : (int, int, int)
         Voxels along each axis.
+    domain : numpy.ndarray of bool, optional
+        The voxels that matter, of the window's shape: tiles without any are not computed, but 0.
     threads : int, default 0
         Tiles that are computed at once on a CPU; 0 takes all cores.
     progress : callable, optional
@@ -107,21 +110,34 @@ def assemble(
     -----
     Peak memory: the window, and what the tiles need that are computed at once.
     """
-    out = np.empty((tiles.channels, *shape), np.float32)
+    # Of zeros the system makes pages only where a tile is written.
+    out = np.zeros((tiles.channels, *shape), np.float32)
     ranges = [
         range(a // e, -((a + n) // -e)) for a, n, e in zip(start, shape, tiles.edge, strict=True)
     ]
     indices = [(z, y, x) for z, y, x in itertools.product(*ranges)]
+    places = {index: _overlap(index, tiles.edge, start, shape) for index in indices}
+    if domain is not None:
+        indices = [index for index in indices if domain[places[index][1]].any()]
     for done, (index, tile) in enumerate(_computed(tiles, indices, threads), 1):
-        inside, target = [slice(None)], [slice(None)]
-        for i, e, a, n in zip(index, tiles.edge, start, shape, strict=True):
-            first, last = max(i * e, a), min((i + 1) * e, a + n)
-            inside.append(slice(first - i * e, last - i * e))
-            target.append(slice(first - a, last - a))
-        out[tuple(target)] = tile[tuple(inside)]
+        inside, target = places[index]
+        for channel, values in zip(out, tile, strict=True):
+            channel[target] = values[inside]
         if progress is not None:
             progress(done / len(indices))
     return out
+
+
+def _overlap(
+    index: Sequence[int], edge: Sequence[int], start: Sequence[int], shape: Sequence[int]
+) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+    """Return where a tile and a window overlap, seen from the tile and from the window."""
+    inside, target = [], []
+    for i, e, a, n in zip(index, edge, start, shape, strict=True):
+        first, last = max(i * e, a), min((i + 1) * e, a + n)
+        inside.append(slice(first - i * e, last - i * e))
+        target.append(slice(first - a, last - a))
+    return tuple(inside), tuple(target)
 
 
 def _computed(
