@@ -1,20 +1,24 @@
 """Time and memory of ScaffoldGAN: a training step with each set of losses, and sampling.
 
     python benches/python/gan.py [--preset tiny] [--steps 20] [--sampling tiny small] [--edges 120]
+        [--files 420 1024]
 
 A step is compared with that of the plain baseline, in turn with it in one run; peak memory is that
-of a process of its own, beyond what it has before the first step. Figures go to
-benches/results/gan.json. On a machine with a GPU that is what is measured.
+of a process of its own, beyond what it has before the first step. Volumes of the edges --files are
+written block by block, as Zarr and as TIFF. Figures go to benches/results/gan.json. On a machine
+with a GPU that is what is measured.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import statistics
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -23,8 +27,9 @@ import torch
 from race import resident
 from readme import machine, save
 
-from poresynth.engines.neural.machine import Machine
+from poresynth.engines.neural.machine import Machine, choose_device
 from poresynth.engines.neural.tiles import assemble
+from poresynth.engines.scaffold_gan import ScaffoldGAN
 from poresynth.engines.scaffold_gan.calibration import calibrate
 from poresynth.engines.scaffold_gan.networks import Generator, initialise
 from poresynth.engines.scaffold_gan.parameters import VARIANTS, resolve
@@ -106,14 +111,51 @@ def sampling(preset: str, edge: int) -> dict[str, Any]:
     return {"preset": preset, "edge": edge, "seconds": seconds, "paper": PAPER_SECONDS.get(edge)}
 
 
+def written(preset: str, edge: int, suffix: str) -> dict[str, Any]:
+    """Time and memory of a volume that goes to a file, by an untrained generator."""
+    engine = ScaffoldGAN(preset=preset)
+    engine._learn(spinodal((64, 64, 64), porosity=0.6, seed=1))
+    network = engine._generator()
+    initialise(network, torch.Generator().manual_seed(0))
+    engine._calibrate(network)
+    engine._adopt(network.state_dict(), choose_device("auto"))
+    engine.training_, engine.origin_ = {}, {}
+    shape = (edge, edge, edge)
+    stated = engine.estimate_memory(shape, blockwise=True)
+    with tempfile.TemporaryDirectory() as folder:
+        engine.sample_to(Path(folder) / f"warm{suffix}", (8, 8, 8), cut_at="exemplar")
+        Path("/proc/self/clear_refs").write_text("5")
+        before, begin, cpu = resident("VmRSS"), time.perf_counter(), time.process_time()
+        engine.sample_to(Path(folder) / f"new{suffix}", shape, cut_at="exemplar")
+        seconds, cpu = time.perf_counter() - begin, time.process_time() - cpu
+    peak = resident("VmHWM") - before
+    facts = {"seconds": seconds, "cpu_seconds": cpu, "peak_bytes": peak, "stated_bytes": stated}
+    return {"preset": preset, "edge": edge, "suffix": suffix, **facts}
+
+
+def print_files(rows: list[dict[str, Any]]) -> None:
+    """Print the table of volumes that went to files."""
+    print("\n| networks | volume | file | seconds | of the CPU | memory, stated | measured |")
+    print("|---|---|---|---|---|---|---|")
+    for row in rows:
+        times_ = f"{row['seconds']:.0f} | {row['cpu_seconds']:.0f}"
+        memory_ = f"{row['stated_bytes'] / 1e6:.0f} MB | {row['peak_bytes'] / 1e6:.0f} MB"
+        print(f"| {row['preset']} | {row['edge']}³ | {row['suffix']} | {times_} | {memory_} |")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--preset", default="tiny")
     parser.add_argument("--steps", type=int, default=20)
     parser.add_argument("--sampling", nargs="*", default=["tiny", "small"])
     parser.add_argument("--edges", nargs="*", type=int, default=[120])
+    parser.add_argument("--files", nargs="*", type=int, default=[])
     parser.add_argument("--memory-of", help=argparse.SUPPRESS)
+    parser.add_argument("--write", nargs=2, help=argparse.SUPPRESS)
     asked = parser.parse_args()
+    if asked.write:
+        print(json.dumps(written(asked.preset, int(asked.write[0]), asked.write[1])))
+        return
     if asked.memory_of:
         print(memory(asked.preset, asked.memory_of))
         return
@@ -145,7 +187,15 @@ def main() -> None:
         rate = math.prod([s["edge"]] * 3) / s["seconds"] / 1e6
         paper = f"{s['paper']} s" if s["paper"] else "–"
         print(f"| {s['preset']} | {s['edge']}³ | {s['seconds']:.2f} | {rate:.2f} | {paper} |")
-    save("gan", {"steps": rows, "sampling": samples, "threads": torch.get_num_threads()})
+    files = []
+    for edge, suffix in itertools.product(asked.files, (".zarr", ".tif")):
+        words = [sys.executable, __file__, "--preset", asked.preset, "--write", str(edge), suffix]
+        done = subprocess.run(words, check=True, capture_output=True, text=True)
+        files.append(json.loads(done.stdout))
+    if files:
+        print_files(files)
+    threads = torch.get_num_threads()
+    save("gan", {"steps": rows, "sampling": samples, "files": files, "threads": threads})
 
 
 if __name__ == "__main__":
