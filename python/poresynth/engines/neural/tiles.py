@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from poresynth.engines.neural.interruption import explained_memory
+from poresynth.engines.neural.memory import explained_memory
 
 __all__ = ["Box", "Tiles", "assemble", "blocks"]
 

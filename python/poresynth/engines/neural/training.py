@@ -51,12 +51,13 @@ from torch import Tensor, nn
 from poresynth import io
 from poresynth.engines.base import ProgressCallback
 from poresynth.engines.neural.checkpoint import CHECKPOINT, restore_checkpoint, save_checkpoint
-from poresynth.engines.neural.interruption import deferred_signals, explained_memory
 from poresynth.engines.neural.judge import Evaluation
 from poresynth.engines.neural.log import Log, mid_slices
 from poresynth.engines.neural.machine import Machine, processes
+from poresynth.engines.neural.memory import explained_memory
 from poresynth.engines.neural.noise import mix_seed
 from poresynth.engines.neural.parameters import FREE_TO_CHANGE, TrainingParameters
+from poresynth.engines.neural.signals import deferred_signals
 from poresynth.errors import FileError, ParameterError, TrainingError
 
 __all__ = ["COLLAPSED", "Step", "Training", "train"]
