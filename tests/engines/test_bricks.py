@@ -121,8 +121,8 @@ def test_a_body_in_a_large_box_is_made_in_bricks(
     most = engine.estimate_memory((42, 42, 42))
     monkeypatch.setattr(VolumeTexture, "_brick_memory", lambda self: most)
     made = engine.sample(body.shape, seed=4, mask=body)
-    facts = made.metadata["poresynth"]["bricks"]
-    assert facts["count"] == 8
+    facts = made.metadata["poresynth"]
+    assert facts["bricks"]["count"] == 8
     assert 0 <= facts["copying"]["copy_fraction"] <= 1
     solid = engine._phases.phase_of(made.array) > 0
     assert not solid[~body].any()

@@ -454,11 +454,12 @@ class VolumeTexture:
         check_memory(self._brick_memory() + output, f"a volume of {request.shape}")
         wall = np.empty(request.shape + exemplar.array.shape[3:], exemplar.dtype)
         bricks = self._lay(wall, request, progress)
+        made_so = {"copying": bricks.pop("copying"), "bricks": bricks}
         return SynthesizedVolume(
             wall,
             exemplar.voxel_size,
             exemplar.unit,
-            {"poresynth": self._provenance(request, {"bricks": bricks})},
+            {"poresynth": self._provenance(request, made_so)},
         )
 
     def _lay(
