@@ -59,9 +59,11 @@ def rod(edge: int, bricks: bool) -> dict[str, Any]:
     engine = poresynth.VolumeTexture().fit(exemplar)
     engine.sample((EXEMPLAR,) * 3, seed=0)
     at = np.arange(edge, dtype=np.float32)
-    z, y, x = at[:, None, None], at[:, None], at
-    mean = (z + y + x) / 3
-    body = (z - mean) ** 2 + (y - mean) ** 2 + (x - mean) ** 2 < (RADIUS * edge) ** 2
+    y, x = at[:, None], at
+    body = np.zeros((edge,) * 3, bool)
+    for z, plane in zip(at, body, strict=True):  # Less memory than is to be measured.
+        mean = (z + y + x) / 3
+        plane[...] = (z - mean) ** 2 + (y - mean) ** 2 + (x - mean) ** 2 < (RADIUS * edge) ** 2
     inside = int(np.count_nonzero(body))
     if not bricks:
         # More than any volume takes: all is made in one piece.
