@@ -61,7 +61,7 @@ def test_an_image_is_synthesised(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_guided_model_is_trained_and_sampled(capsys: pytest.CaptureFixture[str]) -> None:
     run("train", "image.png", "-o", "model", "--engine", "ipfn", "--set", *MICRO,
-        "guidance=density", "crop=12")  # fmt: skip
+        "guidance=density", "crop=12", "iterations=100")  # fmt: skip
     run("sample", "model", "-o", "graded.png", "--shape", 1, 64, 64, "--set", "guidance=0.1,0.9")
     origin = io.read("graded.png").metadata["poresynth"]
     assert origin["guidance"] == [0.1, 0.9]

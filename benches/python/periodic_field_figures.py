@@ -47,12 +47,14 @@ TEXTURES: dict[str, tuple[str, dict[str, Any]]] = {
     "veins": ("veined_0106.jpg", {"width": 64, "reach": 48}),
 }
 MEDIA: dict[str, Callable[[], Volume]] = {
-    "spinodal": lambda: spinodal((64, 64, 64), seed=1),
     "bone": lambda: io.read(DATA / "trabecular_bone_gray_100.tif"),
     "Berea": lambda: io.read(DATA / "berea_sandstone_binary_200.tif"),
     "foam": lambda: foam((96, 96, 96), seed=1),
+    "spinodal": lambda: spinodal((64, 64, 64), seed=1),
 }
 MEASURED: dict[str, Any] = {}
+# Where networks are kept, and taken from on another run.
+MODELS: Path | None = None
 
 Panel = tuple[str, np.ndarray]
 
@@ -62,8 +64,11 @@ def texture(name: str) -> Volume:
 
 
 def fit(name: str, exemplar: Volume, **parameters: Any) -> PeriodicField:
-    """Train, on one thread, and note how long it took and how near it came."""
+    """Train, on one thread, and note how long it took and how near it came; once, if kept."""
     torch.set_num_threads(1)
+    kept = None if MODELS is None else MODELS / f"{name}.safetensors"
+    if kept is not None and kept.exists():
+        return PeriodicField.load(kept, device="cpu")
     begin = time.process_time()
     engine = PeriodicField(**parameters).fit(exemplar)
     MEASURED[name] = {
@@ -74,6 +79,9 @@ def fit(name: str, exemplar: Volume, **parameters: Any) -> PeriodicField:
         "kept": engine.training_["kept"],
     }
     print(name, json.dumps(MEASURED[name]), flush=True)
+    save("periodic_field_figures", MEASURED)
+    if kept is not None:
+        engine.save(kept)
     return engine
 
 
@@ -258,7 +266,10 @@ FIGURES: dict[str, Callable[[], None]] = {
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--only", nargs="+", choices=FIGURES, default=list(FIGURES))
+    arguments.add_argument("--models", type=Path, help="folder that keeps the networks")
     given = arguments.parse_args()
+    global MODELS
+    MODELS = given.models
     earlier = RESULTS / "periodic_field_figures.json"
     if earlier.exists():
         MEASURED.update(json.loads(earlier.read_text())["figures"])

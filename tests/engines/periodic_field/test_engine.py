@@ -51,11 +51,11 @@ def volume() -> Volume:
 
 @pytest.fixture(scope="module")
 def trained(volume: Volume) -> PeriodicField:
-    """What a minute on one core makes."""
+    """What half a minute on one core makes."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        return PeriodicField(iterations=400, places=512, device="cpu").fit(volume)
+        return PeriodicField(iterations=250, places=384, grids=32, device="cpu").fit(volume)
     finally:
         torch.set_num_threads(threads)
 
