@@ -27,7 +27,7 @@ fn responses(c: &mut Criterion) {
         [0, 1, 2].map(|axis| Target { axis, image: &image, symmetric: true, weight: 1.0 });
     let quantiles = pooled_quantiles(&targets);
     let silent = Monitor::silent();
-    let start = || random_field(&targets, SHAPE, &quantiles, Key::new(2), &silent);
+    let start = || random_field(&targets, 1, SHAPE, &quantiles, Key::new(2), &silent);
     let mut volume = start().expect("the images fit");
     let mut group = c.benchmark_group("volume 128³ from images of 128²");
     group.sample_size(10);

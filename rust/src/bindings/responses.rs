@@ -79,7 +79,7 @@ pub(super) fn random_field<'py>(
     let targets = targets(&images, &planes);
     let field = cancellable::run(py, threads, None, |monitor| {
         let quantiles = pooled_quantiles(&targets);
-        draw(&targets, shape.into(), &quantiles, Key::new(seed), monitor)
+        draw(&targets, 1, shape.into(), &quantiles, Key::new(seed), monitor)
     })?;
     wrap(py, field)
 }

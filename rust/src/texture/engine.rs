@@ -110,8 +110,9 @@ fn start(
             return Ok((field, vec![map]));
         }
         (Start::RandomField, _) => {
-            let targets = targets(examples, sources);
-            random_field(&targets, shape, &pooled_quantiles(&targets), key, monitor)?
+            let quantiles = pooled_quantiles(&targets(examples, sources));
+            let finest = targets(examples, &levels.exemplars[0]);
+            random_field(&finest, 1 << coarsest, shape, &quantiles, key, monitor)?
         }
         _ => random_voxels(sources, shape, key),
     };

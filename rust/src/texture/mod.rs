@@ -9,6 +9,8 @@ pub mod blend;
 pub mod carry;
 pub mod copying;
 mod cosines;
+mod covariance;
+mod cut_law;
 mod emphasis;
 pub mod engine;
 pub mod field;

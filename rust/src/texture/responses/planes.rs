@@ -4,9 +4,7 @@ use rayon::prelude::*;
 
 use super::distribution::{BINS, Correction, Distribution, Range, count};
 use super::filters::Group;
-use super::stacks::{
-    Aligned, LANES, Layout, Positions, add_products, range, sum_of_squares,
-};
+use super::stacks::{Aligned, LANES, Layout, Positions, add_products, range, sum_of_squares};
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::texture::field::Field;
