@@ -59,7 +59,7 @@ pub fn synthesize(
 ) -> Result<Synthesis> {
     parameters.check(examples, shape, &constraints)?;
     let count = parameters.levels.len();
-    let levels = Levels::new(examples, shape, constraints, count);
+    let levels = Levels::new(examples, shape, constraints, parameters);
     let work = parameters.levels.iter().map(steps).sum::<usize>();
     let mut run =
         Run { examples, levels: &levels, parameters, monitor, key, done: 0, work: work as f64 };

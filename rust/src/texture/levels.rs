@@ -1,7 +1,7 @@
 //! Exemplars and constraints at every resolution.
 
 use super::field::Field;
-use super::parameters::{Constraints, Example};
+use super::parameters::{Constraints, Example, Parameters, Start};
 use super::pyramid;
 use crate::volume::Shape;
 
@@ -19,19 +19,24 @@ impl Levels {
         examples: &[Example],
         shape: Shape,
         constraints: Constraints,
-        levels: usize,
+        parameters: &Parameters,
     ) -> Self {
+        // Responses of blurred images make what is thin thicker, and lose its correlation.
+        let reduce = match parameters.start {
+            Start::RandomField => pyramid::halve,
+            _ => pyramid::reduce,
+        };
         let mut this = Self {
             exemplars: vec![examples.iter().map(|example| example.field.clone()).collect()],
             shapes: vec![shape],
             known: vec![constraints.known],
             domains: vec![constraints.domain],
         };
-        for level in 1..levels {
+        for level in 1..parameters.levels.len() {
             let from = this.shapes[level - 1];
             let to = from.map(|n| n.div_ceil(2));
             let finer = &this.exemplars[level - 1];
-            this.exemplars.push(finer.iter().map(pyramid::reduce).collect());
+            this.exemplars.push(finer.iter().map(reduce).collect());
             // Half of the voxels below must be known for their mean to say something.
             let known = this.known[level - 1].as_ref().map(|(values, known)| {
                 (pyramid::reduce_known(values, known, to), pyramid::reduce_mask(known, from, to, 4))

@@ -8,15 +8,18 @@ use crate::volume::{Boundary, Shape, index, voxels};
 /// Blur before a reduction, in voxels: enough against aliasing, little enough to keep thin walls.
 const REDUCTION_BLUR: f32 = 0.7;
 
-/// Half the resolution: a Gaussian of 0.7 voxels, then the mean of 2 × 2 × 2 voxels. An odd last
-/// plane is dropped, a single one (of an image) is kept.
+/// Half the resolution: a Gaussian of 0.7 voxels, then [`halve`].
 pub fn reduce(field: &Field) -> Field {
-    let blurred = gaussian(field, REDUCTION_BLUR, Boundary::Open);
+    halve(&gaussian(field, REDUCTION_BLUR, Boundary::Open))
+}
+
+/// The means of 2 × 2 × 2 voxels. An odd last plane is dropped, a single one (of an image) is kept.
+pub fn halve(field: &Field) -> Field {
     let [nz, ny, nx] = field.shape();
     let shape = field.shape().map(|n| (n / 2).max(1));
     let mut out = Field::zeros(shape, field.channels());
     for c in 0..field.channels() {
-        let from = blurred.channel(c);
+        let from = field.channel(c);
         fill(out.channel_mut(c), shape, |[z, y, x]| {
             let mut sum = 0.0;
             for corner in 0..8 {
