@@ -53,7 +53,8 @@ def table(rows: list[dict[str, Any]]) -> str:
     """The README's table."""
     names = [*PUBLISHED]
     lines = [
-        "| preset | output | seconds | of these, fit | CPU seconds | µs a voxel | peak memory, MB | "
+        "| preset | output | seconds | of these, fit | CPU seconds | µs a voxel "
+        "| peak memory, MB | "
         + " | ".join(f"{name} as published, times as long a voxel" for name in names)
         + " |",
         "|---|---|---|---|---|---|---|" + "---|" * len(names),
