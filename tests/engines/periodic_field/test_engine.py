@@ -261,8 +261,8 @@ def test_a_wrong_period_is_put_right(
         period_rate=1e-2,
         # With waves along the diagonals, too, a wrong period may do as well.
         diagonal=False,
-        iterations=250,
-        evaluate_every=250,
+        iterations=500,
+        evaluate_every=500,
         places=192,
         reach=48,
         device="cpu",
