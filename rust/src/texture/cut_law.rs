@@ -36,7 +36,9 @@ impl CutLaw {
             covariances[i + 1] = covariances[i] + growth(low, i);
         }
         let none = covariances[STEPS / 2];
-        covariances.iter_mut().for_each(|c| *c -= none);
+        for c in &mut covariances {
+            *c -= none;
+        }
         Self { covariances }
     }
 
