@@ -9,6 +9,7 @@ from tests.references import response_matching as twin
 from tests.references.random_key import Key
 
 from poresynth import _core
+from poresynth.metrics import two_point_correlation
 
 Image = tuple[int, np.ndarray, bool, float]
 
@@ -48,3 +49,16 @@ def test_a_step_equals_the_numpy_twin(channels: int, axes: tuple[int, ...]) -> N
         matched = np.quantile(values, ranks).reshape(shape)
         off = np.abs(got[c] - matched)
         assert off.mean() < 1.0
+
+
+def test_a_start_that_is_cut_has_the_two_point_correlation_of_the_cut_image() -> None:
+    solid = smooth((128, 128), 5, 3.0) > 150
+    image = np.where(solid, np.float32(200), np.float32(50))[None]
+    targets: list[Image] = [(axis, image, True, 1.0) for axis in range(3)]
+    start = _core.random_field(targets, (64, 64, 64), seed=2)
+    cut = start[0] > 127.5
+    assert cut.mean() == pytest.approx(solid.mean(), abs=1e-3)
+    # Nearer than 4 voxels a Gaussian field that is cut is rougher than the image.
+    wanted = two_point_correlation(solid[None], 24).radial[4:]
+    found = two_point_correlation(cut, 24).radial[4:]
+    assert np.linalg.norm(found - wanted) < 0.05 * np.linalg.norm(wanted)

@@ -50,10 +50,12 @@ class Time:
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """Volumes of several seeds; the times of the fit, and of one volume after it (median)."""
+    """Volumes of several seeds; the times of the fit, and of one volume after it (median); how
+    much memory the engine says that it takes."""
 
     volumes: list[Volume]
     mode: str
+    memory: int
     fit: Time
     sample: Time
 
@@ -76,4 +78,5 @@ def synthesise(images: Sequence[Volume], edge: int, seeds: int, **parameters: An
         start = Time.now()
         volumes.append(engine.sample((edge,) * 3, seed=seed))
         times.append(start.until_now())
-    return Made(volumes, engine.mode_, fit, statistics.median_low(times))
+    memory = engine.estimate_memory((edge,) * 3)
+    return Made(volumes, engine.mode_, memory, fit, statistics.median_low(times))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -390,10 +391,33 @@ class SolidTexture:
         )
 
     def estimate_memory(self, shape: tuple[int, int, int]) -> int:
-        """Return the peak memory of `sample` in bytes: about 60 bytes a voxel and field channel."""
+        """Return the peak memory of `sample` in bytes.
+
+        Per voxel 8 bytes and 21 a field channel with responses, else 4 and 6; where neighbourhoods
+        are matched 20 bytes and 1.5 a field channel for each. Turning distances back into gray
+        values takes 38 bytes a voxel and 4 a channel of the images, turning colours back 18 a
+        channel, if that is more. Per pixel of each constrained axis' image come descriptors: 32
+        bytes, times the number of symmetric copies, with 40 more for the kd-tree. That is 2 to
+        20 % above what was measured on gray, binary, label and colour images, 96³ to 192³.
+        """
         self._check_fitted()
+        p = self.parameters_
         channels = len(self._fields[0])
-        return (20 + 50 * channels) * int(np.prod(shape, dtype=object))
+        aims = targets(self._images, p, self._fields)
+        per_voxel = 8.0 + 21 * channels if p.filters > 0 else 4.0 + 6 * channels
+        per_pixel = 0
+        if any(p.iterations):
+            per_site = 20 + 1.5 * channels
+            per_voxel += per_site * len(aims) / min(step for _, step in p.stages()) ** 2
+            per_pixel = 32 + (40 if p.search == "kd_tree" else 0)
+        values = self._images.images[0].channels
+        if self._images.phases.kind == "gray":
+            back = 38 + 4 * values if self.field_ == "distance" else 18 * values
+            per_voxel = max(per_voxel, back)
+        described = sum(
+            (8 if symmetric else 1) * per_pixel * field[0].size for _, field, symmetric, _ in aims
+        )
+        return round(per_voxel * math.prod(shape)) + described
 
     def save(self, path: str | Path) -> None:
         """Write parameters and images to an ``.npz`` file (no pickles inside).
