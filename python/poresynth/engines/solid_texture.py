@@ -414,7 +414,7 @@ class SolidTexture:
         if self._images.phases.kind == "gray":
             back = 38 + 4 * values if self.field_ == "distance" else 18 * values
             per_voxel = max(per_voxel, back)
-        described = sum(
+        described: int = sum(
             (8 if symmetric else 1) * per_pixel * field[0].size for _, field, symmetric, _ in aims
         )
         return round(per_voxel * math.prod(shape)) + described
