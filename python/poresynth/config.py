@@ -76,6 +76,10 @@ Texts = Annotated[
 class _Model(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    def given(self) -> dict[str, Any]:
+        """Return what differs from the defaults."""
+        return self.model_dump(exclude_defaults=True)
+
 
 class ReadConfig(_Model):
     """How a file is read.
@@ -128,10 +132,6 @@ class InputConfig(ReadConfig):
 
     crop: tuple[str, str, str] | None = None
     downsample: PositiveInt = 1
-
-    def given(self) -> dict[str, Any]:
-        """Return what differs from the defaults."""
-        return self.model_dump(exclude_defaults=True)
 
 
 def flags(values: Mapping[str, Any]) -> list[str]:
@@ -340,7 +340,7 @@ class RunConfig(_Model):
         words += ["--prune"] if self.prune is not None else []
         settings = dict(self.parameters)
         for table, values in (("prune", self.prune), ("part", self.part)):
-            changed = {} if values is None else values.model_dump(exclude_defaults=True)
+            changed = {} if values is None else values.given()
             settings |= {f"{table}.{name}": value for name, value in changed.items()}
         if settings:
             # What JSON writes is TOML, too.

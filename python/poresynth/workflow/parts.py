@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from poresynth import console
+from poresynth.config import flags
 from poresynth.errors import FileError, ParameterError
 from poresynth.io.units import convert, spell
 from poresynth.workflow.domains import read_mask
@@ -83,7 +84,7 @@ def mesh(
                 {name: volume.with_array(array) for name, array in shown.items()},
                 header,
                 rows,
-                {**made.to_dict(), "configuration": config.model_dump(exclude_defaults=True)},
+                {**made.to_dict(), "configuration": config.given()},
                 facts={"volume": f"{path}, {describe(volume)}", "part": str(output)},
                 command=_command(path, output, config, source),
             )
@@ -91,12 +92,8 @@ def mesh(
 
 
 def _command(path: Path, output: Path, config: PartConfig, source: ReadConfig | None) -> str:
-    words = ["poresynth", "mesh", str(path), "-o", str(output)]
-    for given in (config, source):
-        for name, value in (given.model_dump(exclude_defaults=True) if given else {}).items():
-            values = value if isinstance(value, tuple) else (value,)
-            words += [f"--{name.replace('_', '-')}", *map(str, values)]
-    return shlex.join(words)
+    said = {**config.given(), **({} if source is None else source.given())}
+    return shlex.join(["poresynth", "mesh", str(path), "-o", str(output), *flags(said)])
 
 
 def check(output: Path, config: PartConfig) -> None:

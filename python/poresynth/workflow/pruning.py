@@ -63,8 +63,8 @@ def prune_file(
         "exemplar": exemplar,
         "threshold": threshold,
         "solid": None if solid == "bright" else solid,
-        **how.model_dump(exclude_defaults=True),
-        **({} if source is None else source.model_dump(exclude_defaults=True)),
+        **how.given(),
+        **({} if source is None else source.given()),
     }
     words = ["poresynth", "prune", str(path), "-o", str(output), *flags(said)]
     command = shlex.join([*words, "--periodic"] if boundary == "periodic" else words)
