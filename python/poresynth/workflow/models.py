@@ -19,6 +19,7 @@ from poresynth.workflow.files import read, reserve
 from poresynth.workflow.inputs import read_exemplar
 from poresynth.workflow.memory import state_memory
 from poresynth.workflow.pruning import prune_new
+from poresynth.workflow.refusals import NOT_BLOCKWISE, refuse
 
 if TYPE_CHECKING:
     from poresynth.config import InputConfig
@@ -158,9 +159,11 @@ def sample(
     from poresynth.config import PruneConfig
 
     whole = {"report": report, "prune": prune or None}
-    _refuse(blockwise, whole, "needs the whole volume: not with --blockwise")
-    cut = {**whole, "porosity": porosity, "blockwise": blockwise or None}
-    _refuse(cut_at == "none", cut, "is for volumes that are cut: not with --cut-at none")
+    if blockwise:
+        refuse(whole, NOT_BLOCKWISE)
+    if cut_at == "none":
+        cut = {**whole, "porosity": porosity, "blockwise": blockwise or None}
+        refuse(cut, "is for volumes that are cut: not with --cut-at none")
     wanted: dict[str, Any] = {
         "seed": seed,
         "boundary": boundary,
@@ -208,12 +211,6 @@ def sample(
         raw = volume.metadata["poresynth"]["raw_porosity"]
         console.result(f"porosity at the exemplar's threshold: {raw:.4f}")
         judge([engine.exemplar_], volume, threads, report, beside_images=False)
-
-
-def _refuse(ruled_out: bool, given: Mapping[str, Any], allowed: str) -> None:
-    for name, value in given.items():
-        if ruled_out and value is not None:
-            raise ParameterError(name, value, allowed)
 
 
 def _field(engine: Any, shape: tuple[int, int, int], **wanted: Any) -> Any:

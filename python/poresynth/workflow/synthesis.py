@@ -16,6 +16,7 @@ from poresynth.workflow.files import read, reserve
 from poresynth.workflow.inputs import read_exemplars
 from poresynth.workflow.memory import state_memory
 from poresynth.workflow.pruning import prune_new
+from poresynth.workflow.refusals import NOT_BLOCKWISE, refuse
 
 if TYPE_CHECKING:
     from poresynth.config import RunConfig
@@ -133,10 +134,10 @@ def _sample(
             engine.fit(example, progress=progress)
     else:
         engine.fit(example)
-    if domain is not None:
-        check_room(domain, exemplars[0], engine)
-    if domain is None:  # Of a body it depends on the inside: the engine looks itself.
+    if domain is None:
         state_memory(engine.estimate_memory(run.shape), run.shape)
+    else:  # What a body takes depends on its inside: the engine looks itself.
+        check_room(domain, exemplars[0], engine)
     with console.progress("synthesis") as progress:
         made = engine.sample(
             run.shape,
@@ -168,9 +169,7 @@ def _check_blockwise(run: RunConfig, report: Path | None) -> None:
         "orientation": run.orientation,
         "boundary": None if run.boundary == "open" else run.boundary,
     }
-    for name, value in whole.items():
-        if value is not None:
-            raise ParameterError(name, value, "needs the whole volume: not with --blockwise")
+    refuse(whole, NOT_BLOCKWISE)
 
 
 def _sample_to(
