@@ -19,7 +19,6 @@ SMALL = ["--shape", "60", "44", "48", "--preset", "fast", "--set", "iterations=3
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(bricks, "EDGE", 32)
-    monkeypatch.setattr("poresynth.engines.volume_texture.EDGE", 32)
     foam = exemplars.foam((48, 48, 48), cell=16, seed=1)
     io.write("foam.tif", foam)
     return tmp_path

@@ -11,6 +11,7 @@ import pytest
 from poresynth import exemplars, io
 from poresynth.engines import bricks
 from poresynth.engines.base import SynthesizedVolume
+from poresynth.engines.request import Request
 from poresynth.engines.volume_texture import VolumeTexture
 from poresynth.errors import FileError, ParameterError
 
@@ -21,7 +22,6 @@ SHAPE = (70, 50, 60)
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bricks that take no time."""
     monkeypatch.setattr(bricks, "EDGE", 30)
-    monkeypatch.setattr("poresynth.engines.volume_texture.EDGE", 30)
     monkeypatch.setattr(bricks, "MARGIN", 12)
 
 
@@ -160,7 +160,8 @@ def test_a_file_is_written_brick_by_brick(
     assert made.metadata["poresynth"]["bricks"]["margin"] == 12
     # In memory the same bricks give the same voxels.
     wall = np.zeros(made.shape, exemplar.dtype)
-    engine._lay(wall, engine._request(made.shape, 2, "open", None, None, None, None, 1), None)
+    request = Request.of(made.shape, least=engine._least, exemplar=exemplar, seed=2, threads=1)
+    engine._lay(wall, request, None)
     np.testing.assert_array_equal(wall, made.array)
 
 

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from poresynth.engines.base import ProgressCallback, SynthesizedVolume
 
-__all__ = ["EDGE", "Wall", "lay", "margin_of"]
+__all__ = ["Wall", "lay", "layout"]
 
 EDGE = 192
 """Edge of a brick, voxels. With the margin, 232³ voxels take some 0.6 GB; half the edge takes a
@@ -104,10 +104,10 @@ def lay(
         ``count`` of the bricks that were made, their ``edge`` and ``margin``; ``seam``, as of
         `poresynth.engines.seam.seam`, and ``copying``: means over the new voxels.
     """
-    cells, margin = _cells(shape), margin_of(least)
+    cells, plan = _cells(shape), layout(least)
     found: list[tuple[int, dict[str, Any]]] = []
     for number, cell in enumerate(cells):
-        brick = _brick(cell, shape, domain, margin)
+        brick = _brick(cell, shape, domain, plan["margin"])
         if brick is None or brick.own != cell:
             wall[cell] = outside
         if brick is None:
@@ -128,22 +128,21 @@ def lay(
         found.append((new, made.metadata["poresynth"]))
     return {
         "count": len(found),
-        "edge": EDGE,
-        "margin": margin,
+        **plan,
         "seam": _means(found, "seam"),
         "copying": _means(found, "copying"),
     }
 
 
-def margin_of(least: int) -> int:
-    """Return how many voxels of its neighbours a brick sees.
+def layout(least: int) -> dict[str, int]:
+    """Return the ``edge`` of a brick, and the ``margin`` of its neighbours that it sees, voxels.
 
     Parameters
     ----------
     least : int
         Least edge that the engine makes, voxels.
     """
-    return max(least, MARGIN)
+    return {"edge": EDGE, "margin": max(least, MARGIN)}
 
 
 def _cells(shape: Shape) -> list[Box]:

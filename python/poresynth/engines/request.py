@@ -63,13 +63,13 @@ class Request:
         *,
         least: int,
         exemplar: Volume,
-        seed: int,
-        boundary: Literal["open", "periodic"],
-        porosity: PorosityLike | None,
-        known: Volume | npt.ArrayLike | None,
-        known_mask: npt.NDArray[np.bool_] | None,
-        mask: npt.NDArray[np.bool_] | None,
-        threads: int,
+        seed: int = 0,
+        boundary: Literal["open", "periodic"] = "open",
+        porosity: PorosityLike | None = None,
+        known: Volume | npt.ArrayLike | None = None,
+        known_mask: npt.NDArray[np.bool_] | None = None,
+        mask: npt.NDArray[np.bool_] | None = None,
+        threads: int = 0,
     ) -> Request:
         """Check the arguments; ``least`` is the smallest edge that the engine can make."""
         shape = _check_shape(shape, least)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from poresynth import _core
 from poresynth.engines.base import EnergyRecord, ProgressCallback, SynthesizedVolume
-from poresynth.engines.bricks import EDGE, Wall, lay, margin_of
+from poresynth.engines.bricks import Wall, lay, layout
 from poresynth.engines.coordinates import Coordinates, FieldLike, material_coordinates
 from poresynth.engines.field_choice import choose_field
 from poresynth.engines.grading import follow_map
@@ -335,13 +335,25 @@ class VolumeTexture:
 
         Peak memory: see `estimate_memory`.
         """
-        request = self._request(shape, seed, boundary, porosity, known, known_mask, mask, threads)
+        self._check_fitted()
         p, phases = self.parameters_, self._phases
+        request = Request.of(
+            shape,
+            least=self._least,
+            exemplar=self.exemplar_,
+            seed=seed,
+            boundary=boundary,
+            porosity=porosity,
+            known=known,
+            known_mask=known_mask,
+            mask=mask,
+            threads=threads,
+        )
         coordinates = self._coordinates(request, orientation, scale, orientation_axis)
-        if coordinates is None and self._goes_in_bricks(request):
-            return self._in_bricks(request, progress)
         if coordinates is None:
             part, where = request.around_domain()
+            if self._goes_in_bricks(request, part.shape):
+                return self._in_bricks(request, progress)
             made = part
         else:
             part, where = request, ()
@@ -424,30 +436,37 @@ class VolumeTexture:
         Peak memory: that of a brick of 192³ voxels with its margin, some 0.6 GB, whatever the
         shape; and the mask.
         """
-        request = self._request(shape, seed, "open", porosity, None, None, mask, threads)
+        self._check_fitted()
+        request = Request.of(
+            shape,
+            least=self._least,
+            exemplar=self.exemplar_,
+            seed=seed,
+            porosity=porosity,
+            mask=mask,
+            threads=threads,
+        )
         if request.porosity_map is not None:
             allowed = "must be a number where a volume is written brick by brick"
             raise ParameterError("porosity", "a map", allowed)
         exemplar = self.exemplar_
         check_memory(self._brick_memory(), "a brick")
-        made_by = self._provenance(
-            request, {"bricks": {"edge": EDGE, "margin": margin_of(request.least)}}
-        )
+        made_by = self._provenance(request, {"bricks": layout(request.least)})
         blank = np.broadcast_to(np.zeros((), exemplar.dtype), request.shape)
         metadata = {"poresynth": {**made_by, **(origin or {})}}
         like = Volume(blank, exemplar.voxel_size, exemplar.unit, metadata)
         with create(path, like) as file:
             return self._lay(file, request, progress)
 
-    def _goes_in_bricks(self, request: Request) -> bool:
+    def _goes_in_bricks(self, request: Request, box: tuple[int, int, int]) -> bool:
         """Return whether the box round a body takes more memory than bricks of its inside."""
         plain = request.boundary == "open" and request.porosity_map is None
         if request.domain is None or request.known is not None or not plain:
             return False
-        return self.estimate_memory(request.around_domain()[0].shape) > self._brick_memory()
+        return self.estimate_memory(box) > self._brick_memory()
 
     def _brick_memory(self) -> int:
-        edge = EDGE + margin_of(self._least)
+        edge = sum(layout(self._least).values())
         return self.estimate_memory((edge, edge, edge)) + KNOWN_MEMORY * edge**3
 
     def _in_bricks(self, request: Request, progress: ProgressCallback | None) -> SynthesizedVolume:
@@ -485,31 +504,6 @@ class VolumeTexture:
         """Least edge that the windows take at the coarsest level, voxels."""
         p = self.parameters_
         return max(w for w, _ in p.stages()) << (p.levels - 1)
-
-    def _request(
-        self,
-        shape: tuple[int, int, int],
-        seed: int,
-        boundary: Literal["open", "periodic"],
-        porosity: PorosityLike | None,
-        known: Volume | npt.ArrayLike | None,
-        known_mask: npt.NDArray[np.bool_] | None,
-        mask: npt.NDArray[np.bool_] | None,
-        threads: int,
-    ) -> Request:
-        self._check_fitted()
-        return Request.of(
-            shape,
-            least=self._least,
-            exemplar=self.exemplar_,
-            seed=seed,
-            boundary=boundary,
-            porosity=porosity,
-            known=known,
-            known_mask=known_mask,
-            mask=mask,
-            threads=threads,
-        )
 
     def _coordinates(
         self,
