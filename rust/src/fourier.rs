@@ -146,6 +146,13 @@ impl Transform {
             },
         )
     }
+
+    /// Replaces values by the sums of their products at all lags, which wrap; lag 0 comes first.
+    pub fn autocorrelate(&self, values: &mut [f32], monitor: &Monitor<'_>) -> Result<()> {
+        let mut spectrum = self.forward(values, monitor)?;
+        spectrum.mapv_inplace(|value| value.norm_sqr().into());
+        self.inverse(spectrum, values, monitor)
+    }
 }
 
 fn columns(fft: &dyn Fft<f32>) -> Columns {

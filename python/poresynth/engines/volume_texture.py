@@ -105,12 +105,11 @@ class VolumeTexture:
     block : int, default 8
         Edge of the random blocks that the coarsest level starts from, voxels.
     starts : int, optional
-        Volumes that are begun, each from random blocks of its own; the one whose radial covariance
-        at the end of the coarsest level is nearest to the exemplar's goes on. The first is that of
-        a run with one. By default 8 with three levels or more, each of which takes 1 % of the time
-        (at two levels it would be a tenth), and 1 with fewer. Bone's two-point error is then 4.0 %
-        instead of 4.9, where a volume that is alike everywhere has 4.7 %, and the plane that stands
-        out most is 1.31 times as strong as the exemplar's instead of 1.67.
+        Volumes that are begun, each from random blocks of its own; the one whose radial two-point
+        function at the end of the coarsest level is nearest to the exemplar's goes on. The first is
+        that of a run with one. By default 8 with three levels or more, each of which takes 1 % of
+        the time (at two levels it would be a tenth), and 1 with fewer. Bone's two-point error is
+        then 4 % or less instead of 4.9, where a volume that is alike everywhere has 4.7 %.
     components : int, default 32
         Most principal components of a neighbourhood; 32 int16 fill a cache line and lose nothing
         visible.

@@ -59,10 +59,7 @@ impl Covariance {
                 *to = (f64::from(value) - centre) as f32;
             }
         }
-        let transform = Transform::new(padded);
-        let mut spectrum = transform.forward(&centred, monitor)?;
-        spectrum.mapv_inplace(|value| value.norm_sqr().into());
-        transform.inverse(spectrum, &mut centred, monitor)?;
+        Transform::new(padded).autocorrelate(&mut centred, monitor)?;
         let edge = 2 * reach + 1;
         let mut map = vec![0.0; edge * edge];
         let mut rings = vec![(0.0, 0.0); reach + 2];

@@ -6,9 +6,12 @@ use crate::fourier::{Transform, fast_length};
 use crate::monitor::Monitor;
 use crate::volume::{Shape, index, position, voxels};
 
-/// The field whose radial covariance is nearest to the exemplar's, over all lags up to half of the
-/// shortest edge, by the sum of squares; the first of several that are equally near. Channels are added.
-/// Only pairs within the domain count.
+/// The field whose radial two-point function is nearest to the exemplar's, over all lags up to half of
+/// the shortest edge, by the sum of squares; the first of several that are equally near. Channels are
+/// added. Only pairs within the domain count.
+///
+/// Products of the values themselves, not of their deviations from the mean: these would not see a
+/// volume that is denser at one end, which is what makes planes stand out.
 ///
 /// # Errors
 /// If the caller cancels.
@@ -21,23 +24,18 @@ pub(super) fn nearest(
     let Some(first) = fields.first() else { return Ok(0) };
     let edges = exemplar.shape().into_iter().chain(first.shape());
     let reach = edges.min().unwrap_or(1) / 2;
-    let means: Vec<f32> = (0..exemplar.channels()).map(|c| mean(exemplar.channel(c))).collect();
     let own = Pairs::new(exemplar.shape(), None, reach, monitor)?;
-    let wanted = own.covariance(exemplar, &means, monitor)?;
+    let wanted = own.two_point(exemplar, monitor)?;
     let pairs = Pairs::new(first.shape(), domain, reach, monitor)?;
     let mut best = (f64::INFINITY, 0);
     for (i, field) in fields.iter().enumerate() {
-        let found = pairs.covariance(field, &means, monitor)?;
+        let found = pairs.two_point(field, monitor)?;
         let error: f64 = wanted.iter().zip(&found).map(|(a, b)| (a - b).powi(2)).sum();
         if error < best.0 {
             best = (error, i);
         }
     }
     Ok(best.1)
-}
-
-fn mean(values: &[f32]) -> f32 {
-    (values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64) as f32
 }
 
 /// The pairs of voxels of a volume, by their distance.
@@ -66,18 +64,18 @@ impl<'a> Pairs<'a> {
         Ok(this)
     }
 
-    /// Mean product of the deviations from `means`, by distance; 0 where there is no pair.
-    fn covariance(&self, field: &Field, means: &[f32], monitor: &Monitor<'_>) -> Result<Vec<f64>> {
-        let mut means_of_products = vec![0.0; self.reach + 1];
-        for (c, mean) in means.iter().enumerate() {
+    /// Mean product of the values of a pair, by distance; 0 where there is no pair.
+    fn two_point(&self, field: &Field, monitor: &Monitor<'_>) -> Result<Vec<f64>> {
+        let mut means = vec![0.0; self.reach + 1];
+        for c in 0..field.channels() {
             let values = field.channel(c);
-            let products = self.products(|i| values[i] - mean, monitor)?;
-            for (r, (sum, n)) in products.iter().zip(&self.counts).enumerate() {
+            let products = self.products(|i| values[i], monitor)?;
+            for (mean, (sum, n)) in means.iter_mut().zip(products.iter().zip(&self.counts)) {
                 // Counts are whole, up to rounding.
-                means_of_products[r] += if *n > 0.5 { sum / n } else { 0.0 };
+                *mean += if *n > 0.5 { sum / n } else { 0.0 };
             }
         }
-        Ok(means_of_products)
+        Ok(means)
     }
 
     /// Summed product of the values of all pairs in the domain, by distance.
@@ -86,9 +84,7 @@ impl<'a> Pairs<'a> {
         for i in (0..voxels(self.shape)).filter(|&i| self.domain.is_none_or(|on| on[i])) {
             values[index(self.padded, position(self.shape, i))] = value(i);
         }
-        let mut spectrum = self.transform.forward(&values, monitor)?;
-        spectrum.mapv_inplace(|v| v.norm_sqr().into());
-        self.transform.inverse(spectrum, &mut values, monitor)?;
+        self.transform.autocorrelate(&mut values, monitor)?;
         let mut sums = vec![0.0; self.reach + 1];
         for (i, product) in values.iter().enumerate() {
             let at = position(self.padded, i);
@@ -114,13 +110,13 @@ mod tests {
     }
 
     #[test]
-    fn covariances_are_those_of_all_pairs_one_by_one() {
+    fn two_point_functions_are_those_of_all_pairs_one_by_one() {
         let (shape, silent) = ([6, 7, 5], Monitor::silent());
         let field = noise(shape, 2, 1);
         let domain: Vec<bool> = (0..voxels(shape)).map(|i| i % 5 != 0).collect();
         for domain in [None, Some(&domain[..])] {
             let pairs = Pairs::new(shape, domain, 3, &silent).unwrap();
-            let found = pairs.covariance(&field, &[100.0, 90.0], &silent).unwrap();
+            let found = pairs.two_point(&field, &silent).unwrap();
             let (mut sums, mut counts) = ([0.0; 4], [0.0; 4]);
             let inside = |i: &usize| domain.is_none_or(|on| on[*i]);
             for i in (0..voxels(shape)).filter(inside) {
@@ -129,11 +125,8 @@ mod tests {
                     let square: usize = (0..3).map(|k| a[k].abs_diff(b[k]).pow(2)).sum();
                     let r = (square as f64).sqrt().round() as usize;
                     if r <= 3 {
-                        let product = |c: usize, mean: f32| {
-                            let values = field.channel(c);
-                            f64::from((values[i] - mean) * (values[j] - mean))
-                        };
-                        sums[r] += product(0, 100.0) + product(1, 90.0);
+                        let product = |c| field.channel(c)[i] * field.channel(c)[j];
+                        sums[r] += f64::from(product(0) + product(1));
                         counts[r] += 1.0;
                     }
                 }
@@ -147,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn the_field_with_the_exemplars_covariance_is_chosen() {
+    fn the_field_with_the_exemplars_correlation_is_chosen() {
         let (shape, silent) = ([12, 10, 11], Monitor::silent());
         let exemplar = noise(shape, 1, 2);
         let flat = Field::new(shape, 1, vec![127.5; voxels(shape)]).unwrap();
