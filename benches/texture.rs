@@ -148,6 +148,7 @@ fn whole(c: &mut Criterion) {
         filters: None,
         response_steps: [0; 2],
         backend: Backend::Coherent,
+        temperature: 0.0,
         mixing: Mixing::MEAN,
         mode_steps: 0,
     };

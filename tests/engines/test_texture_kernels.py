@@ -23,6 +23,7 @@ LEVEL = {
     "response_steps": (0, 0),
     "search": "brute_force",
     "candidates": 10,
+    "temperature": 0.0,
     "bandwidth": None,
     "relaxation": 1.0,
     "mode_steps": 0,

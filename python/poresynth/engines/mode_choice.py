@@ -113,6 +113,7 @@ def options(p: SolidParameters) -> dict[str, Any]:
             "response_steps": (at(p.response_steps, level), p.final_steps if level == 0 else 0),
             "search": p.search,
             "candidates": p.candidates,
+            "temperature": 0.0,
             "bandwidth": at(p.bandwidth, level) or None,
             "relaxation": at(p.relaxation, level),
             "mode_steps": p.mode_steps,

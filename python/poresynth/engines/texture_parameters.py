@@ -40,6 +40,7 @@ class TextureParameters(BaseModel):
     index_weight: Literal["off", "literal", "normalised"] = "off"
     run_penalty: float = Field(0.5, ge=0)
     run_reach: int = Field(12, ge=1)
+    temperature: float = Field(0.02, ge=0, le=10)
     exponent: float = Field(0.1, ge=0, le=2)
     adaptive: bool = False
     gradient: float = Field(0.0, ge=0, le=10)
@@ -85,6 +86,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "search": "kd_tree",
         "index_weight": "literal",
         "run_penalty": 0.0,
+        "temperature": 0.0,
         "exponent": 0.8,
         "adaptive": True,
         "gradient": 0.1,

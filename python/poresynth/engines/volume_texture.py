@@ -199,6 +199,7 @@ class VolumeTexture:
         index_weight: Literal["off", "literal", "normalised"] | None = None,
         run_penalty: float | None = None,
         run_reach: int | None = None,
+        temperature: float | None = None,
         exponent: float | None = None,
         adaptive: bool | None = None,
         gradient: float | None = None,
@@ -643,6 +644,7 @@ class VolumeTexture:
         )  # fmt: skip
         level = {
             **p.model_dump(include={"iterations", "search", "candidates"}),
+            "temperature": 0.0,
             "stages": p.stages(),
             "filters": 0,
             "filter_edge": 0,
@@ -653,7 +655,7 @@ class VolumeTexture:
         }
         return {
             **shared,
-            "levels": [level] * p.levels,
+            "levels": [{**level, "temperature": p.temperature}, *[level] * (p.levels - 1)],
             "start": "blocks",
             "starts": p.trials(),
             "patience": PATIENCE,

@@ -52,6 +52,7 @@ struct LevelOptions {
     response_steps: [usize; 2],
     search: String,
     candidates: usize,
+    temperature: f32,
     bandwidth: Option<f32>,
     relaxation: f32,
     mode_steps: usize,
@@ -66,6 +67,7 @@ impl LevelOptions {
                 .then_some(FilterBank { filters: self.filters, edge: self.filter_edge }),
             response_steps: self.response_steps,
             backend: backend(&self.search, self.candidates)?,
+            temperature: self.temperature,
             mixing: Mixing { bandwidth: self.bandwidth, relaxation: self.relaxation },
             mode_steps: self.mode_steps,
         })

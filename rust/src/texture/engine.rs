@@ -13,6 +13,7 @@ use super::parameters::{
 };
 use super::random_field::random_field;
 use super::responses::{ResponseMatching, Target, pooled_quantiles};
+use super::search::annealing::Heat;
 use super::search::penalty::{IndexHistogram, RunPenalty};
 use super::search::{Scene, Search, prepare};
 use super::starts::nearest;
@@ -31,6 +32,9 @@ const COLD_PASSES: usize = 10;
 
 /// Search passes of the first iteration of every further stage.
 const WARM_PASSES: usize = 2;
+
+/// The temperature falls with this power of the iterations that are left of a window's.
+const COOLING: i32 = 2;
 
 /// Eq. 2: the weight factor grows by this share when the energy falls …
 const GROWTH: f32 = 0.05;
@@ -325,6 +329,8 @@ impl<'a> Run<'a> {
         let (mut before, mut lowest, mut stale) = (f64::INFINITY, f64::INFINITY, 0);
         for iteration in 0..plan.iterations {
             let key = key.with(2 + iteration as u64);
+            let left = 1.0 - iteration as f32 / plan.iterations as f32;
+            let temperature = plan.temperature * left.powi(COOLING);
             let mut found = Vec::with_capacity(sides.len());
             for (i, side) in sides.iter().enumerate() {
                 let passes = match (iteration, side.backend.improves()) {
@@ -334,7 +340,14 @@ impl<'a> Run<'a> {
                 };
                 // The first exemplar's key is the iteration's own.
                 let key = if i == 0 { key } else { key.with(i as u64) };
-                found.push(self.search(index, stage, (i, side), made, passes, key)?);
+                found.push(self.search(
+                    index,
+                    stage,
+                    (i, side),
+                    made,
+                    (passes, temperature),
+                    key,
+                )?);
             }
             let (data, gradient) = energy(&found, p.gradient);
             let energy = data + gradient;
@@ -396,7 +409,7 @@ impl<'a> Run<'a> {
         stage: Stage,
         (i, side): (usize, &Side<'_>),
         made: &mut Synthesis,
-        passes: usize,
+        (passes, temperature): (usize, f32),
         key: Key,
     ) -> Result<Matched> {
         let p = self.parameters;
@@ -417,7 +430,8 @@ impl<'a> Run<'a> {
                 IndexWeight::Normalised => Some(IndexHistogram::new(map, set, true)),
             };
             let key = key.with(pass as u64);
-            let scene = Scene::new(set, map, &lattice, histogram, run, key);
+            let heat = (temperature > 0.0).then(|| Heat::new(temperature * set.spread()));
+            let scene = Scene::new(set, map, &lattice, histogram, run, key).heated(heat);
             let (field, fit) = (&made.field, (p.exponent, p.gradient > 0.0));
             let backend = &*side.backend;
             let (matches, fits) = match_sites(&scene, backend, field, &active, fit, self.monitor)?;

@@ -62,6 +62,9 @@ pub struct LevelPlan {
     pub response_steps: [usize; 2],
     /// How matches are found.
     pub backend: Backend,
+    /// Temperature of a window's first iteration, in units of the descriptors' variance: with which
+    /// candidates of coherent search are chosen at random; 0 takes the best.
+    pub temperature: f32,
     /// How windows become a volume.
     pub mixing: Mixing,
     /// Steps from the plain mean towards the main mode of the windows' values (Kopf et al. 2007); 0:

@@ -29,6 +29,7 @@ fn plan(iterations: usize, backend: Backend) -> LevelPlan {
         filters: None,
         response_steps: [0; 2],
         backend,
+        temperature: 0.02,
         mixing: Mixing::MEAN,
         mode_steps: 0,
     }

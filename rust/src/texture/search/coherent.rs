@@ -12,6 +12,9 @@ const LOCAL_RADII: [usize; 2] = [8, 2];
 /// Candidates of a site: own, 6 neighbours, 2 local and 1 global random sample.
 const CANDIDATES: usize = 10;
 
+/// Which of a site's random numbers chooses among its candidates; those before make them.
+const CHOICE: u64 = 4;
+
 /// Evaluates the site's own match, the continuations of its six neighbours' matches and three random
 /// samples, all read from the map of the pass before.
 ///
@@ -74,6 +77,14 @@ fn propagate(scene: &Scene<'_>, first: usize, queries: &[i16], active: &[bool], 
         for &(c, lane, at) in &wanted {
             let query = &queries[(from + lane) * dims..][..dims];
             costs[c][lane] = scene.weighted(squared_distance(query, set.descriptor(at)), at);
+        }
+        if let Some(heat) = &scene.heat {
+            for lane in 0..lanes.len() {
+                let bits = scene.key.with((first + from + lane) as u64).bits(CHOICE);
+                for (c, costs) in costs.iter_mut().enumerate() {
+                    costs[lane] -= heat.discount(bits, c);
+                }
+            }
         }
         let mut least = [f32::INFINITY; GROUP];
         let mut best = [0; GROUP];

@@ -3,6 +3,7 @@
 //! Three backends behind one trait: [`BruteForce`] looks at every window and is the oracle of the
 //! tests, [`KdTree`] is the paper's, [`Coherent`] continues what neighbouring windows found.
 
+pub mod annealing;
 mod brute_force;
 mod coherent;
 mod kd_tree;
@@ -19,6 +20,7 @@ use super::parameters::Backend;
 use crate::error::Result;
 use crate::rng::Key;
 use crate::volume::position;
+use annealing::Heat;
 use penalty::{Continuations, IndexHistogram, RunPenalty};
 
 /// What every site of a pass sees: the exemplar's windows and the frozen results of the pass before.
@@ -34,6 +36,7 @@ pub struct Scene<'a> {
     links: [Vec<Links>; 3],
     histogram: Option<IndexHistogram>,
     run: Option<RunPenalty>,
+    heat: Option<Heat>,
 }
 
 impl<'a> Scene<'a> {
@@ -48,7 +51,13 @@ impl<'a> Scene<'a> {
     ) -> Self {
         let reach = run.map_or(0, |r| r.reach);
         let links = std::array::from_fn(|a| links(lattice, &previous.lattice, a, reach));
-        Self { neighbourhoods, previous, lattice, key, links, histogram, run }
+        Self { neighbourhoods, previous, lattice, key, links, histogram, run, heat: None }
+    }
+
+    /// The same with a random choice among the candidates of coherent search.
+    #[must_use]
+    pub fn heated(self, heat: Option<Heat>) -> Self {
+        Self { heat, ..self }
     }
 
     /// Relations of a site to the map of the pass before, along each axis.
