@@ -53,7 +53,7 @@ def cube(edge: int, bricks: bool) -> dict[str, Any]:
     return figures
 
 
-def rod(edge: int, bricks: bool) -> dict[str, Any]:
+def rod(edge: int, bricks: bool, **asked: Any) -> dict[str, Any]:
     """Make a rod from corner to corner of a cube, or all of its box."""
     exemplar = exemplars.foam((EXEMPLAR,) * 3, seed=1)
     engine = poresynth.VolumeTexture().fit(exemplar)
@@ -69,12 +69,17 @@ def rod(edge: int, bricks: bool) -> dict[str, Any]:
         # More than any volume takes: all is made in one piece.
         engine._brick_memory = lambda: 1 << 62  # type: ignore[method-assign]
     start = time.process_time()
-    made = engine.sample((edge,) * 3, seed=1, mask=body)
+    made = engine.sample((edge,) * 3, seed=1, mask=body, **asked)
     figures = {"inside": inside, **spent(start)}
     found = made.metadata["poresynth"].get("bricks")
     if found:
         figures |= {"bricks": found["count"], "seam": known(found["seam"]["phase_changes"])}
     return figures
+
+
+def graded(edge: int, bricks: bool) -> dict[str, Any]:
+    """Make the rod denser at the top."""
+    return rod(edge, bricks, porosity=lambda z, y, x: 0.75 + 0.18 * z / edge)
 
 
 def spent(start: float) -> dict[str, Any]:
@@ -101,6 +106,8 @@ ROWS = {
     "cube 512³, bricks": (cube, 512, True),
     "rod in 512³, one piece": (rod, 512, False),
     "rod in 512³, bricks": (rod, 512, True),
+    "rod in 512³, porosity map, one piece": (graded, 512, False),
+    "rod in 512³, porosity map, bricks": (graded, 512, True),
 }
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from poresynth import exemplars, io
 from poresynth.engines import bricks
@@ -130,9 +131,36 @@ def test_a_body_in_a_large_box_is_made_in_bricks(
     for threads in (1, 2):
         again = engine.sample(body.shape, seed=4, mask=body, threads=threads)
         np.testing.assert_array_equal(again.array, made.array)
-    # With a porosity map, or periodic, all is made in one piece.
-    graded = engine.sample(body.shape, seed=4, mask=body, porosity=np.full((1, 1, 1), 0.6))
-    assert "bricks" not in graded.metadata["poresynth"]
+    # Periodic, all is made in one piece.
+    periodic = engine.sample(body.shape, seed=4, mask=body, boundary="periodic")
+    assert "bricks" not in periodic.metadata["poresynth"]
+
+
+def test_bricks_follow_a_porosity_map_together(
+    small: None, engine: VolumeTexture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    z, y, x = np.indices((60, 48, 48)) - np.array([29.5, 23.5, 23.5])[:, None, None, None]
+    body = (z / 29) ** 2 + (y / 23) ** 2 + (x / 23) ** 2 < 1
+    wanted = np.broadcast_to(0.5 + 0.2 * (z + 29.5) / 59, body.shape)
+    made = {}
+    for in_bricks in (False, True):
+        most = engine.estimate_memory((42, 42, 42)) if in_bricks else 1 << 40
+        monkeypatch.setattr(VolumeTexture, "_brick_memory", lambda self, most=most: most)
+        sample = engine.sample(body.shape, seed=4, mask=body, porosity=wanted)
+        facts = sample.metadata["poresynth"]
+        assert ("bricks" in facts) == in_bricks
+        assert facts["grading"]["mean_absolute_error_percent"] < 1
+        made[in_bricks] = engine._phases.phase_of(sample.array) > 0
+        assert not made[in_bricks][~body].any()
+        count = np.count_nonzero(~made[in_bricks] & body)
+        assert count == pytest.approx(wanted[body].sum(), abs=1)
+        # No skin is taken off where the body ends.
+        rim = body & ~ndimage.binary_erosion(body, iterations=2)
+        even = engine._phases.phase_of(engine.sample(body.shape, seed=4, mask=body).array) > 0
+        gone = np.mean(even[rim]) - np.mean(made[in_bricks][rim])
+        assert gone == pytest.approx(wanted[rim].mean() - engine.porosity_, abs=0.02)
+        # The facts speak of all bricks together.
+        assert facts["porosity_map"]["lowest"] == pytest.approx(0.5, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", ["new.zarr", "new.tif"])

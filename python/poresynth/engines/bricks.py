@@ -6,8 +6,6 @@ new up to them, so that no border shows.
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -16,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from poresynth.engines.base import ProgressCallback, SynthesizedVolume
+from poresynth.engines.cells import Box, cells, seen_from
 
 __all__ = ["Wall", "lay", "layout"]
 
@@ -28,7 +27,6 @@ MARGIN = 32
 as the foam does elsewhere."""
 
 Shape = tuple[int, int, int]
-Box = tuple[slice, slice, slice]
 _Bools = npt.NDArray[np.bool_]
 
 
@@ -104,9 +102,9 @@ def lay(
         ``count`` of the bricks that were made, their ``edge`` and ``margin``; ``seam``, as of
         `poresynth.engines.seam.seam`, and ``copying``: means over the new voxels.
     """
-    cells, plan = _cells(shape), layout(least)
+    cut, plan = cells(shape, EDGE), layout(least)
     found: list[tuple[int, dict[str, Any]]] = []
-    for number, cell in enumerate(cells):
+    for number, cell in enumerate(cut):
         brick = _brick(cell, shape, domain, plan["margin"])
         if brick is None or brick.own != cell:
             wall[cell] = outside
@@ -119,11 +117,11 @@ def lay(
             brick.known.shape,
             seed=_seed(seed, number),
             mask=brick.known | brick.free,
-            progress=_share(progress, number, len(cells)),
+            progress=_share(progress, number, len(cut)),
             **given,
             **options,
         )
-        wall[brick.own] = made.array[_seen_from(brick.own, brick.box)]
+        wall[brick.own] = made.array[seen_from(brick.own, brick.box)]
         new = int(np.count_nonzero(brick.free))
         found.append((new, made.metadata["poresynth"]))
     return {
@@ -143,15 +141,6 @@ def layout(least: int) -> dict[str, int]:
         Least edge that the engine makes, voxels.
     """
     return {"edge": EDGE, "margin": max(least, MARGIN)}
-
-
-def _cells(shape: Shape) -> list[Box]:
-    """Cut a volume into cells of about the same edges, none longer than `EDGE`, in C order."""
-    ranges = []
-    for n in shape:
-        cuts = np.linspace(0, n, math.ceil(n / EDGE) + 1).round().astype(int).tolist()
-        ranges.append([slice(a, b) for a, b in itertools.pairwise(cuts)])
-    return [(z, y, x) for z, y, x in itertools.product(*ranges)]
 
 
 def _brick(cell: Box, shape: Shape, domain: _Bools | None, margin: int) -> _Brick | None:
@@ -178,12 +167,6 @@ def _brick(cell: Box, shape: Shape, domain: _Bools | None, margin: int) -> _Bric
         slice(max(a.start, b.start), min(a.stop, b.stop)) for a, b in zip(cell, where, strict=True)
     )
     return _Brick(where, (z, y, x), before, new)
-
-
-def _seen_from(part: Box, whole: Box) -> Box:
-    """Return the place of a part in an array of the whole."""
-    z, y, x = (slice(a.start - b.start, a.stop - b.start) for a, b in zip(part, whole, strict=True))
-    return (z, y, x)
 
 
 def _order(cell: Box, box: Box) -> tuple[_Bools, _Bools]:

@@ -56,7 +56,7 @@ class Coordinates:
     def places(self, z: slice) -> _Floats:
         """Return the coordinates of some planes of voxels, shape (3, planes, y, x)."""
         return np.stack(
-            [interpolated(axis, self.shape, planes=z, beyond=True) for axis in self.nodes]
+            [interpolated(axis, self.shape, box=(z,), beyond=True) for axis in self.nodes]
         )
 
     def domain(self, inside: npt.NDArray[np.bool_] | None) -> npt.NDArray[np.bool_]:

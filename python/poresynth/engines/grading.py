@@ -1,7 +1,13 @@
-"""Porosity that differs from place to place: the surface moves by a smooth field of levels."""
+"""Porosity that differs from place to place: the surface moves by a smooth field of levels.
+
+Volumes are gone through cell by cell, and depths are kept only of the voxels that may change, so
+that it is these that memory goes with.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,17 +16,24 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from poresynth import _core
+from poresynth.engines.cells import Box, cells, grown, seen_from
 from poresynth.engines.interpolation import places
 from poresynth.engines.phases import Phases
+from poresynth.engines.porosity import PorosityMap
 from poresynth.engines.request import Request
 from poresynth.errors import ParameterError
-from poresynth.pruning.gray import repaint
+from poresynth.pruning.gray import DEPTHS, repaint
 
 __all__ = ["Graded", "feature_size", "follow_map", "grade"]
 
 _Floats = npt.NDArray[np.float64]
+_Singles = npt.NDArray[np.float32]
 _Bools = npt.NDArray[np.bool_]
 
+EDGE = 128
+"""Longest edge of a cell, voxels."""
+HALO = 32
+"""Voxels that a cell sees beyond itself: struts are thinner than that."""
 ROUNDS = 12
 """Newton steps of the levels; errors halve or better in each, and 12 reach the noise of voxels."""
 BLOCK = 1.0
@@ -29,13 +42,19 @@ porosity, 17, 11, 7 and 5 % of the voxels changed with 0.5, 0.75, 1 and 1.5, and
 feature sizes missed a gradient beside it by 0.7, 0.9, 1.3 and 1.6 % porosity."""
 LONGEST = 2.0
 """Most that a level moves in a step, voxels: surfaces meet, and the slope is then another."""
+WINDOW = 4
+"""Edge of the windows in which porosity is compared, in blocks that are summed: three feature
+sizes, and neighbouring windows are a block apart."""
 REACHED = 0.03
 """Mean error of the local porosity above which a map is refused as impossible."""
 EVEN = 2.0
 """Blur of the struts' thickness, voxels: it changes in steps where a strut meets a node."""
 NEAR, FAR = 2.0, 4.0
-"""Depths, voxels, between which the synthesised field hands over to the exact distance: nearer the
-field knows the surface between the voxels, further it is clipped."""
+"""Depths, voxels, between which the score hands over to the exact distance: nearer it knows the
+surface between the voxels, further it may be clipped."""
+SOFT = 0.7
+"""Blur of a solid that stands for a score, voxels. 1.0 and 1.5 smooth the surface of bone by 4 and
+10 % of its area, and join what lay near."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,31 +81,24 @@ class Graded:
 
 
 def follow_map(
-    array: npt.NDArray[Any],
-    phases: Phases,
-    scores: npt.NDArray[np.float32],
-    phase: npt.NDArray[np.uint8],
-    request: Request,
-) -> tuple[npt.NDArray[Any], Graded]:
-    """Return a volume whose porosity follows the map that was asked for.
+    array: npt.NDArray[Any], phases: Phases, request: Request, score: _Singles | None = None
+) -> Graded:
+    """Make the porosity of a volume follow the map that was asked for, in place.
 
     Parameters
     ----------
     array : numpy.ndarray
-        A volume of the exemplar's porosity, shape (z, y, x[, channel]).
+        A volume of the exemplar's porosity, shape (z, y, x[, channel]). Voxels that change keep
+        their rank among the values of their depth.
     phases : Phases
         The exemplar's.
-    scores : numpy.ndarray of float32
-        What the phase was cut from, shape (1, z, y, x), high in the solid.
-    phase : numpy.ndarray of uint8
-        Its phases, shape (z, y, x).
     request : Request
         What was asked for, with a map.
+    score : numpy.ndarray of float32, optional
+        What the phase was cut from, shape (z, y, x), high in the solid; see `grade`.
 
     Returns
     -------
-    numpy.ndarray
-        Of the same shape and dtype; voxels keep their rank among those of their depth.
     Graded
         The solid, and how well it follows.
 
@@ -99,24 +111,29 @@ def follow_map(
         what = "a map"
         raise ParameterError("porosity", what, "must be a number for more than two phases")
     assert request.porosity_map is not None
-    before = phase > 0
+    before = phases.phase_of(array) > 0
     graded = grade(
-        scores[0],
         before,
         request.porosity_map,
         feature_size(phases.phase > 0),
-        request.free,
+        free=request.free,
+        domain=request.domain,
         seed=request.seed,
+        score=score,
     )
-    keep = None if request.free is None else ~request.free
-    gray = phases.kind == "gray"
-    if array.ndim == 3:
-        return repaint(array, before, graded.solid, gray=gray, keep=keep), graded
-    channels = [
-        repaint(array[..., c], before, graded.solid, gray=gray, keep=keep)
-        for c in range(array.shape[3])
-    ]
-    return np.stack(channels, axis=-1), graded
+    for channel in np.moveaxis(array, -1, 0) if array.ndim == 4 else [array]:
+        for cell in cells(before.shape, EDGE):
+            # Values of voxels that keep their depth lead those that move: these never change.
+            box = grown(cell, before.shape, DEPTHS + 1)
+            painted = repaint(
+                channel[box],
+                before[box],
+                graded.solid[box],
+                gray=phases.kind == "gray",
+                keep=None if request.free is None else ~request.free[box],
+            )
+            channel[cell] = painted[seen_from(cell, box)]
+    return graded
 
 
 def feature_size(solid: _Bools) -> float:
@@ -136,30 +153,34 @@ def feature_size(solid: _Bools) -> float:
 
 
 def grade(
-    score: npt.NDArray[np.float32],
     solid: _Bools,
-    porosity: npt.NDArray[np.float32],
+    porosity: PorosityMap,
     feature: float,
-    free: _Bools | None,
     *,
     seed: int,
+    free: _Bools | None = None,
+    domain: _Bools | None = None,
+    score: _Singles | None = None,
 ) -> Graded:
     """Move the surface of a solid until its local porosity follows a map.
 
     Parameters
     ----------
-    score : numpy.ndarray of float32
-        What the solid was cut from, shape (z, y, x).
     solid : numpy.ndarray of bool
-        The solid of the exemplar's porosity, same shape.
-    porosity : numpy.ndarray of float32
-        Wanted porosity at each voxel, same shape.
+        The solid of the exemplar's porosity, shape (z, y, x).
+    porosity : PorosityMap
+        Wanted porosity at each voxel, of the same shape.
     feature : float
         Feature size, voxels; see `feature_size`.
-    free : numpy.ndarray of bool or None
-        Voxels that may change; only they count.
     seed : int
         Decides between voxels of one depth.
+    free : numpy.ndarray of bool, optional
+        Voxels that may change, all by default; only they count.
+    domain : numpy.ndarray of bool, optional
+        Voxels that are neither solid nor pore are not in it; all are by default.
+    score : numpy.ndarray of float32, optional
+        What the solid was cut from, same shape: it knows where the surface lies between voxels.
+        By default the blurred solid.
 
     Returns
     -------
@@ -178,57 +199,136 @@ def grade(
     Newton's method until the porosity round its node is the wanted one. The number of solid voxels
     in all is exact.
 
-    Peak memory: 40 bytes a voxel.
+    Peak memory: 1 byte a voxel, 18 a voxel that may change, and 120 MB.
     """
-    depth = _depth(score, solid)
-    count = np.ones(solid.shape, np.float32) if free is None else free.astype(np.float32)
-    window = max(round(3 * feature), 4)
+    parts = _parts(solid, free, domain, score)
     nodes = _Nodes.over(solid.shape, round(BLOCK * feature))
-    inside = nodes.around(count)
-    wanted = 1 - nodes.around(porosity * count) / inside
+    inside, wanted = np.zeros(nodes.shape), np.zeros(nodes.shape)
+    voxels = 0.0
+    for part in parts:
+        share = (1 - porosity.at(part.box)) * part.free
+        inside += nodes.around(part.free, part.box)
+        wanted += nodes.around(share, part.box)
+        voxels += float(share.sum(dtype=np.float64))
+    inside = np.maximum(inside, 1e-6)
     levels = np.zeros(nodes.shape)
     for _ in range(ROUNDS):
-        above = depth - nodes.spread(levels)
-        share = nodes.around((above > 0) * count) / inside
-        # Voxels that a move of the level by one would change.
-        slope = nodes.around((np.abs(above) <= 1) * count) / (2 * inside)
-        step = (share - wanted) / np.maximum(slope, 0.01)
+        above, near = np.zeros(nodes.shape), np.zeros(nodes.shape)
+        for part in parts:
+            height = part.above(nodes, levels)
+            above += nodes.around(part.spread(height > 0), part.box)
+            # Voxels that a move of the level by one would change.
+            near += nodes.around(part.spread(np.abs(height) <= 1), part.box)
+        step = (above - wanted) / np.maximum(near / 2, 0.01 * inside)
         levels += np.clip(step, -LONGEST, LONGEST)
-    above = depth - nodes.spread(levels)
-    voxels = round(float(((1 - porosity) * count).sum(dtype=np.float64)))
-    flat = None if free is None else free.ravel()
-    graded = _core.cut_solid(above.ravel(), voxels, seed=seed, free=flat).reshape(solid.shape)
-    if free is not None:
-        graded = np.where(free, graded, solid)
-    error = _window_error(graded, porosity, count, window)
+    heights = np.concatenate([part.above(nodes, levels) for part in parts])
+    chosen = _core.cut_solid(heights, round(voxels), seed=seed, free=None)
+    graded = solid.copy()
+    windows = _Windows.over(solid.shape, max(round(3 * feature / WINDOW), 1))
+    for part in parts:
+        own, chosen = chosen[: len(part.depth)], chosen[len(part.depth) :]
+        graded[part.box][part.free] = own
+        missed = part.spread(~own) - porosity.at(part.box) * part.free
+        windows.add(part.box, missed, part.free)
+    error = windows.error()
     if error > REACHED:
         raise ParameterError(
             "porosity",
-            f"a map from {porosity.min():.3g} to {porosity.max():.3g}",
-            f"is out of reach for this exemplar: windows of {window} voxels miss it by "
+            "a map from {lowest:.3g} to {highest:.3g}".format(**porosity.figures()),
+            f"is out of reach for this exemplar: windows of {windows.edge} voxels miss it by "
             f"{100 * error:.1f} % on average; take one that varies more slowly or less",
         )
-    return Graded(graded, window, error)
+    return Graded(graded, windows.edge, error)
 
 
-def _depth(score: npt.NDArray[np.float32], solid: _Bools) -> npt.NDArray[np.float32]:
-    """Return how far below the surface each voxel lies, by the score near it."""
-    far = _core.signed_distance(solid, max(solid.shape), boundary="open")
-    shell = np.abs(far) < 1
+@dataclass(eq=False)
+class _Part:
+    """The voxels of a cell that may change.
+
+    Attributes
+    ----------
+    box : tuple of slice
+        The cell.
+    free : numpy.ndarray of bool
+        Where they are in it.
+    depth : numpy.ndarray of float32
+        How far below the surface each of them lies.
+    """
+
+    box: Box
+    free: _Bools
+    depth: _Singles
+
+    def spread(self, values: npt.NDArray[Any]) -> _Singles:
+        """Put values of these voxels where they lie; 0 is elsewhere."""
+        spread = np.zeros(self.free.shape, np.float32)
+        spread[self.free] = values
+        return spread
+
+    def above(self, nodes: _Nodes, levels: _Floats) -> _Singles:
+        """Return how far below the surface they lie if it is moved."""
+        found: _Singles = self.depth - nodes.spread(levels, self.box)[self.free]
+        return found
+
+
+def _parts(
+    solid: _Bools, free: _Bools | None, domain: _Bools | None, score: _Singles | None
+) -> list[_Part]:
+    """Return the cells that have voxels which may change, with the depths of these."""
+    near = _by_solid(solid, domain) if score is None else _by_score(score, solid)
+    parts, radii, voxels = [], 0.0, 0
+    for cell in cells(solid.shape, EDGE):
+        own = np.ones(solid[cell].shape, bool) if free is None else free[cell]
+        if not own.any():
+            continue
+        box = grown(cell, solid.shape, HALO)
+        within = seen_from(cell, box)
+        valid = None if domain is None else domain[box]
+        far = _core.signed_distance(solid[box], HALO + EDGE, boundary="open", valid=valid)
+        weight = np.clip((np.abs(far) - NEAR) / (FAR - NEAR), 0, 1)
+        depth = weight * far + (1 - weight) * np.clip(near(box), -FAR, FAR)
+        radius = _core.local_thickness(solid[box], (1.0, 1.0, 1.0), boundary="open") / 2
+        around = _mean_around(radius, solid[box], EVEN)
+        depth = np.where(depth > 0, depth / np.maximum(around, 1), depth)
+        parts.append(_Part(cell, own, depth[within][own].astype(np.float32)))
+        radii += float(radius[within].sum(dtype=np.float64))
+        voxels += int(np.count_nonzero(solid[cell]))
+    for part in parts:
+        part.depth[part.depth > 0] *= radii / max(voxels, 1)
+    return parts
+
+
+def _by_score(score: _Singles, solid: _Bools) -> Callable[[Box], _Singles]:
+    """Return what gives the depth near the surface from what the solid was cut from."""
+    shell = np.abs(_core.signed_distance(solid, 1, boundary="open")) < 1
     inner, outer = score[shell & solid], score[shell & ~solid]
-    cut = (inner.mean() + outer.mean()) / 2 if len(inner) and len(outer) else 0.0
+    known = bool(len(inner) and len(outer))
+    cut = float(inner.mean() + outer.mean()) / 2 if known else 0.0
     # One voxel apart, so that their difference is the slope at the surface.
-    slope = max(float(inner.mean() - outer.mean()), 1e-6) if len(inner) and len(outer) else 1.0
-    near = np.clip((score - cut) / slope, -FAR, FAR)
-    weight = np.clip((np.abs(far) - NEAR) / (FAR - NEAR), 0, 1)
-    depth = weight * far + (1 - weight) * near
-    radius = _core.local_thickness(solid, (1.0, 1.0, 1.0), boundary="open") / 2
-    if solid.any():
-        share = ndimage.gaussian_filter(solid.astype(np.float32), EVEN)
-        around = ndimage.gaussian_filter(radius, EVEN) / np.maximum(share, 1e-3)
-        mean = float(radius[solid].mean())
-        depth = np.where(depth > 0, depth * mean / np.maximum(around, 1), depth)
-    return depth.astype(np.float32)
+    slope = max(float(inner.mean() - outer.mean()), 1e-6) if known else 1.0
+    return lambda box: (score[box] - cut) / slope
+
+
+def _by_solid(solid: _Bools, domain: _Bools | None) -> Callable[[Box], _Singles]:
+    """Return what gives the depth near the surface from the solid alone."""
+    slope = math.erf(0.5 / (SOFT * math.sqrt(2)))
+
+    def near(box: Box) -> _Singles:
+        blurred = _mean_around(solid[box], None if domain is None else domain[box], SOFT)
+        return np.asarray((blurred - 0.5) / slope, np.float32)
+
+    return near
+
+
+def _mean_around(values: npt.NDArray[Any], where: _Bools | None, sigma: float) -> _Singles:
+    """Blur values, as if there were none but where they count."""
+    if where is None:
+        blurred = ndimage.gaussian_filter(values.astype(np.float32), sigma)
+    else:
+        share = ndimage.gaussian_filter(where.astype(np.float32), sigma)
+        blurred = ndimage.gaussian_filter(np.where(where, values, 0).astype(np.float32), sigma)
+        blurred /= np.maximum(share, 1e-3)
+    return np.asarray(blurred, np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,18 +347,21 @@ class _Nodes:
     def shape(self) -> tuple[int, ...]:
         return self.edges
 
-    def spread(self, values: _Floats) -> npt.NDArray[np.float32]:
-        """Interpolate values of the nodes at the voxels."""
-        z, y, x = self.weights
+    def spread(self, values: _Floats, box: Box) -> _Singles:
+        """Interpolate values of the nodes at the voxels of a box."""
+        z, y, x = self._within(box)
         found = np.tensordot(z, np.tensordot(values, y, (1, 1)), (1, 0))
         return np.asarray(np.tensordot(found, x, (1, 1)), np.float32)
 
-    def around(self, values: npt.NDArray[Any]) -> _Floats:
-        """Sum values of the voxels round each node, by their weights."""
-        z, y, x = self.weights
+    def around(self, values: npt.NDArray[Any], box: Box) -> _Floats:
+        """Sum values of the voxels of a box round each node, by their weights."""
+        z, y, x = self._within(box)
         rows = np.tensordot(values.astype(np.float32), x.astype(np.float32), (2, 0))
         sums = np.tensordot(np.tensordot(rows, y, (1, 0)), z, (0, 0))
-        return np.maximum(np.asarray(sums.transpose(2, 1, 0), np.float64), 1e-6)
+        return np.asarray(sums.transpose(2, 1, 0), np.float64)
+
+    def _within(self, box: Box) -> list[_Floats]:
+        return [weights[part] for weights, part in zip(self.weights, box, strict=True)]
 
 
 def _weights(n: int, nodes: int) -> _Floats:
@@ -271,18 +374,43 @@ def _weights(n: int, nodes: int) -> _Floats:
     return weights
 
 
-def _window_error(
-    solid: _Bools, porosity: npt.NDArray[np.float32], count: npt.NDArray[np.float32], window: int
-) -> float:
-    """Return the mean absolute error of the porosity over windows at least half inside."""
-    difference = (~solid - porosity) * count
-    size = [min(window, n) for n in solid.shape]
-    error = ndimage.uniform_filter(difference, size, mode="constant")
-    share = ndimage.uniform_filter(count, size, mode="constant")
-    step = tuple(
-        slice(s // 2, n - (s - 1) // 2, max(s // 4, 1))
-        for s, n in zip(size, solid.shape, strict=True)
-    )
-    error, share = error[step], share[step]
-    full = share >= 0.5
-    return float(np.abs(error[full] / share[full]).mean()) if full.any() else 0.0
+@dataclass(frozen=True, eq=False)
+class _Windows:
+    """Sums over the blocks that windows are made of: of what is missed, and of what counts."""
+
+    block: int
+    missed: _Floats
+    count: _Floats
+
+    @classmethod
+    def over(cls, shape: tuple[int, ...], block: int) -> _Windows:
+        blocks = [-(-n // block) for n in shape]
+        return cls(block, np.zeros(blocks), np.zeros(blocks))
+
+    @property
+    def edge(self) -> int:
+        return WINDOW * self.block
+
+    def add(self, box: Box, missed: npt.NDArray[Any], count: npt.NDArray[Any]) -> None:
+        """Add the voxels of a box."""
+        at = tuple(slice(s.start // self.block, -(-s.stop // self.block)) for s in box)
+        for sums, values in ((self.missed, missed), (self.count, count)):
+            found = values.astype(np.float64)
+            for axis, part in enumerate(box):
+                inner = np.arange(part.start - part.start % self.block, part.stop, self.block)
+                found = np.add.reduceat(found, np.maximum(inner - part.start, 0), axis=axis)
+            sums[at] += found
+
+    def error(self) -> float:
+        """Return the mean absolute error of the porosity over windows at least half inside."""
+        missed, count = self.missed, self.count
+        whole = 1
+        for axis in range(3):
+            length = min(WINDOW, missed.shape[axis])
+            whole *= length * self.block
+            missed, count = (
+                np.lib.stride_tricks.sliding_window_view(sums, length, axis).sum(-1)
+                for sums in (missed, count)
+            )
+        full = count >= whole / 2
+        return float(np.abs(missed[full] / count[full]).mean()) if full.any() else 0.0

@@ -41,7 +41,7 @@ def interpolated(
     values: npt.NDArray[Any],
     shape: tuple[int, ...],
     *,
-    planes: slice | None = None,
+    box: tuple[slice, ...] = (),
     beyond: bool = False,
 ) -> _Floats:
     """Return a field at the voxels of a volume.
@@ -52,21 +52,21 @@ def interpolated(
         Values at the nodes, shape (a, b, c).
     shape : (int, int, int)
         Shape (z, y, x) of the volume.
-    planes : slice, optional
-        Planes across z that are wanted; all by default.
+    box : tuple of slice, optional
+        Voxels that are wanted along the first axes; all by default.
     beyond : bool, default False
         As for `places`.
 
     Returns
     -------
     numpy.ndarray of float32
-        Shape (z, y, x), of the planes.
+        Shape (z, y, x), of the box.
     """
     found = np.asarray(values, np.float32)
     for axis, n in enumerate(shape):
         low, part = places(n, found.shape[axis], beyond=beyond)
-        if axis == 0 and planes is not None:
-            low, part = low[planes], part[planes]
+        if axis < len(box):
+            low, part = low[box[axis]], part[box[axis]]
         weight = part.astype(np.float32).reshape([-1 if i == axis else 1 for i in range(3)])
         first = np.take(found, low, axis)
         last = np.take(found, np.minimum(low + 1, found.shape[axis] - 1), axis)

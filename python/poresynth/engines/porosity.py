@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -12,21 +12,60 @@ from poresynth.engines.interpolation import interpolated
 from poresynth.errors import ParameterError
 from poresynth.volume import Volume
 
-__all__ = ["PorosityLike", "as_porosity"]
+__all__ = ["PorosityLike", "PorosityMap", "as_porosity"]
 
 PorosityLike = float | Volume | npt.ArrayLike | Callable[..., npt.ArrayLike]
 """Pore fraction: a number; a map of the output's shape or coarser; or a function that takes the
 coordinates z, y, x of the voxels' centres, arrays that broadcast, in the unit of the voxel size."""
 
-_Map = npt.NDArray[np.float32]
+Box = tuple[slice, slice, slice]
+_Floats = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class PorosityMap:
+    """A porosity at each voxel, which is worked out where it is needed.
+
+    Attributes
+    ----------
+    at : callable
+        Returns the porosity of the voxels of a box.
+    shape : (int, int, int)
+        Of the volume.
+    """
+
+    at: Callable[[Box], _Floats]
+    shape: tuple[int, int, int]
+
+    def within(self, box: Box) -> PorosityMap:
+        """Return the map of a box alone."""
+
+        def at(part: Box) -> _Floats:
+            z, y, x = (
+                slice(whole.start + inner.start, whole.start + inner.stop)
+                for whole, inner in zip(box, part, strict=True)
+            )
+            return self.at((z, y, x))
+
+        z, y, x = (part.stop - part.start for part in box)
+        return PorosityMap(at, (z, y, x))
+
+    def figures(self) -> dict[str, float]:
+        """Return the ``lowest`` value, the ``highest`` and the ``mean``."""
+        depth, *others = (slice(0, n) for n in self.shape)
+        y, x = others
+        planes = [self.at((slice(z, z + 1), y, x)) for z in range(depth.stop)]
+        lowest, highest = min(map(np.min, planes)), max(map(np.max, planes))
+        mean = np.mean([plane.mean(dtype=np.float64) for plane in planes])
+        return {"lowest": float(lowest), "highest": float(highest), "mean": float(mean)}
 
 
 def as_porosity(
     porosity: PorosityLike | None,
     shape: tuple[int, int, int],
     voxel_size: tuple[float, float, float],
-) -> tuple[float | None, _Map | None]:
-    """Return a porosity as a number, or as a map of the output's shape.
+) -> float | PorosityMap | None:
+    """Return a porosity as a number, or as a map of the output.
 
     Parameters
     ----------
@@ -39,8 +78,8 @@ def as_porosity(
 
     Returns
     -------
-    float or None, numpy.ndarray of float32 or None
-        One of the two, or neither: the exemplar's own.
+    float, PorosityMap or None
+        None stands for the exemplar's own.
 
     Raises
     ------
@@ -48,35 +87,45 @@ def as_porosity(
         If a value is not between 0 and 1, or a map is finer than the output or not a volume.
     """
     if porosity is None:
-        return None, None
+        return None
     if callable(porosity):
-        places = [(np.arange(n) + 0.5) * edge for n, edge in zip(shape, voxel_size, strict=True)]
-        z, y, x = np.meshgrid(*places, indexing="ij", sparse=True)
-        try:
-            values = np.broadcast_to(np.asarray(porosity(z, y, x), np.float32), shape)
-        except (TypeError, ValueError) as error:
-            allowed = f"must give an array that broadcasts to {shape} ({error})"
-            raise ParameterError("porosity", porosity, allowed) from error
-        return None, _checked(values)
+        return _checked(_of_function(porosity, shape, voxel_size))
     values = np.asarray(porosity)
     if values.ndim == 0 and values.dtype.kind in "buif":
         number = float(values)
         if not 0 < number < 1:
             raise ParameterError("porosity", number, "must be above 0 and below 1")
-        return number, None
+        return number
     if values.ndim != 3 or values.size == 0 or values.dtype.kind not in "buif":
         what = f"array of shape {values.shape} and type {values.dtype}"
         raise ParameterError("porosity", what, "must be a number or a map of numbers (z, y, x)")
     if any(n > m for n, m in zip(values.shape, shape, strict=True)):
         allowed = f"must not be finer than the output, {shape}"
         raise ParameterError("porosity", f"map of shape {values.shape}", allowed)
-    found = _checked(values.astype(np.float32))
-    return None, found if found.shape == shape else interpolated(found, shape)
+    if values.shape == shape:
+        return _checked(PorosityMap(lambda box: np.asarray(values[box], np.float32), shape))
+    return _checked(PorosityMap(lambda box: interpolated(values, shape, box=box), shape))
 
 
-def _checked(values: npt.NDArray[Any]) -> _Map:
-    low, high = float(np.min(values)), float(np.max(values))
-    if not (low > 0 and high < 1):
-        what = f"map from {low:.3g} to {high:.3g}"
+def _of_function(
+    function: Callable[..., npt.ArrayLike],
+    shape: tuple[int, int, int],
+    voxel_size: tuple[float, float, float],
+) -> PorosityMap:
+    """Evaluate a function of position; what depends on one axis alone is kept along that one."""
+    places = [(np.arange(n) + 0.5) * edge for n, edge in zip(shape, voxel_size, strict=True)]
+    z, y, x = np.meshgrid(*places, indexing="ij", sparse=True)
+    try:
+        values = np.broadcast_to(np.asarray(function(z, y, x), np.float32), shape)
+    except (TypeError, ValueError) as error:
+        allowed = f"must give an array that broadcasts to {shape} ({error})"
+        raise ParameterError("porosity", function, allowed) from error
+    return PorosityMap(lambda box: values[box], shape)
+
+
+def _checked(found: PorosityMap) -> PorosityMap:
+    figures = found.figures()
+    if not (figures["lowest"] > 0 and figures["highest"] < 1):
+        what = "map from {lowest:.3g} to {highest:.3g}".format(**figures)
         raise ParameterError("porosity", what, "must be above 0 and below 1 everywhere")
-    return np.ascontiguousarray(values, np.float32)
+    return found

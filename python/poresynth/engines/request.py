@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from poresynth.engines.porosity import PorosityLike, as_porosity
+from poresynth.engines.porosity import PorosityLike, PorosityMap, as_porosity
 from poresynth.errors import ParameterError
 from poresynth.volume import Volume, as_volume
 
@@ -16,8 +16,8 @@ __all__ = ["Request"]
 
 Shape = tuple[int, int, int]
 
-MAP_MEMORY = 40
-"""Most bytes a voxel that it takes to follow a porosity map."""
+MAP_MEMORY = 18
+"""Most bytes that it takes to follow a porosity map, a voxel that may change."""
 KNOWN_MEMORY = 30
 """Most bytes a voxel that it takes to lead new voxels up to known ones."""
 
@@ -32,7 +32,7 @@ class Request:
     seed : int
     boundary : {"open", "periodic"}
     porosity : float or None
-    porosity_map : numpy.ndarray of float32 or None
+    porosity_map : PorosityMap or None
         Wanted porosity of each voxel; at most one of the two is given.
     known : numpy.ndarray or None
         Values that are kept, of the exemplar's channels.
@@ -49,7 +49,7 @@ class Request:
     seed: int
     boundary: Literal["open", "periodic"]
     porosity: float | None
-    porosity_map: npt.NDArray[np.float32] | None
+    porosity_map: PorosityMap | None
     known: npt.NDArray[Any] | None
     known_mask: npt.NDArray[np.bool_] | None
     domain: npt.NDArray[np.bool_] | None
@@ -77,7 +77,8 @@ class Request:
         threads = _check_integer("threads", threads, 0, 4096)
         if boundary not in ("open", "periodic"):
             raise ParameterError("boundary", boundary, "must be 'open' or 'periodic'")
-        number, porosity_map = as_porosity(porosity, shape, exemplar.voxel_size)
+        wanted = as_porosity(porosity, shape, exemplar.voxel_size)
+        number, porosity_map = (None, wanted) if isinstance(wanted, PorosityMap) else (wanted, None)
         domain = None if mask is None else _check_mask("mask", mask, shape)
         given, on = _check_known(known, known_mask, shape, exemplar)
         return cls(shape, seed, boundary, number, porosity_map, given, on, domain, threads, least)
@@ -92,9 +93,13 @@ class Request:
     @property
     def memory(self) -> int:
         """Most bytes that a porosity map or known voxels take besides the synthesis."""
-        each = 0 if self.porosity_map is None else MAP_MEMORY
-        each = max(each, 0 if self.known is None else KNOWN_MEMORY)
-        return each * int(np.prod(self.shape, dtype=object))
+        voxels = int(np.prod(self.shape, dtype=object))
+        known = 0 if self.known is None else KNOWN_MEMORY * voxels
+        if self.porosity_map is None:
+            return known
+        free = self.free
+        changing = voxels if free is None else int(np.count_nonzero(free))
+        return max(known, 2 * voxels + MAP_MEMORY * changing)
 
     def around_domain(self) -> tuple[Request, tuple[slice, ...]]:
         """Return the request for the box round the domain, and where that is.
@@ -113,8 +118,8 @@ class Request:
             edge = max(edge, self.least)
             start = min(first, n - edge)
             where.append(slice(start, start + edge))
-        box = tuple(where)
-        z, y, x = (part.stop - part.start for part in where)
+        z, y, x = where
+        box = (z, y, x)
 
         def cut(array: npt.NDArray[Any] | None) -> npt.NDArray[Any] | None:
             return None if array is None else np.ascontiguousarray(array[box])
@@ -124,8 +129,8 @@ class Request:
             known_mask = known = None
         inner = replace(
             self,
-            shape=(z, y, x),
-            porosity_map=cut(self.porosity_map),
+            shape=(z.stop - z.start, y.stop - y.start, x.stop - x.start),
+            porosity_map=None if self.porosity_map is None else self.porosity_map.within(box),
             known=known,
             known_mask=known_mask,
             domain=cut(self.domain),
@@ -167,9 +172,7 @@ class Request:
             "porosity": self.porosity,
         }
         if self.porosity_map is not None:
-            low, high = float(self.porosity_map.min()), float(self.porosity_map.max())
-            mean = float(self.porosity_map.mean(dtype=np.float64))
-            made["porosity_map"] = {"lowest": low, "highest": high, "mean": mean}
+            made["porosity_map"] = self.porosity_map.figures()
         return made
 
 

@@ -381,7 +381,7 @@ class SolidTexture:
         array = phase_values(images.phases, images.pooled.array, phase, gray, part)
         graded = None
         if part.porosity_map is not None:
-            array, graded = follow_map(array, images.phases, scores, phase, part)
+            graded = follow_map(array, images.phases, part, scores[0])
         return SynthesizedVolume(
             request.whole(array, where, outside_value(images.phases, images.pooled.array)),
             images.pooled.voxel_size,

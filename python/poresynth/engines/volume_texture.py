@@ -374,7 +374,7 @@ class VolumeTexture:
         array = phase_values(phases, self.exemplar_.array, phase, gray, part)
         made_so: dict[str, Any] = {}
         if part.porosity_map is not None:
-            array, graded = follow_map(array, phases, self._bright(scores), phase, part)
+            graded = follow_map(array, phases, part, self._bright(scores)[0])
             made_so["grading"] = graded.provenance()
         if part.known_mask is not None:
             new = (array, phases.phase_of(array) > 0)
@@ -460,8 +460,7 @@ class VolumeTexture:
 
     def _goes_in_bricks(self, request: Request, box: tuple[int, int, int]) -> bool:
         """Return whether the box round a body takes more memory than bricks of its inside."""
-        plain = request.boundary == "open" and request.porosity_map is None
-        if request.domain is None or request.known is not None or not plain:
+        if request.domain is None or request.known is not None or request.boundary == "periodic":
             return False
         return self.estimate_memory(box) > self._brick_memory()
 
@@ -472,10 +471,13 @@ class VolumeTexture:
     def _in_bricks(self, request: Request, progress: ProgressCallback | None) -> SynthesizedVolume:
         exemplar = self.exemplar_
         output = exemplar.dtype.itemsize * exemplar.channels * int(np.prod(request.shape))
-        check_memory(self._brick_memory() + output, f"a volume of {request.shape}")
+        needed = max(self._brick_memory(), request.memory) + output
+        check_memory(needed, f"a volume of {request.shape}")
         wall = np.empty(request.shape + exemplar.array.shape[3:], exemplar.dtype)
         bricks = self._lay(wall, request, progress)
         made_so = {"copying": bricks.pop("copying"), "bricks": bricks}
+        if request.porosity_map is not None:
+            made_so["grading"] = follow_map(wall, self._phases, request).provenance()
         return SynthesizedVolume(
             wall,
             exemplar.voxel_size,
@@ -493,9 +495,9 @@ class VolumeTexture:
             least=request.least,
             seed=request.seed,
             domain=request.domain,
+            porosity=request.porosity,
             outside=outside_value(self._phases, self.exemplar_.array),
             progress=progress,
-            porosity=request.porosity,
             threads=request.threads,
         )
 

@@ -402,7 +402,7 @@ class NeuralEngine(ABC):
             phase = cut(self._phases, scores, request)
             values = phase_values(self._phases, self.exemplar_.array, phase, field, request)
             if request.porosity_map is not None:
-                values, graded = follow_map(values, self._phases, scores, phase, request)
+                graded = follow_map(values, self._phases, request, scores[0])
                 made_so["grading"] = graded.provenance()
         else:
             request.impose(values, outside_value(self._phases, self.exemplar_.array))
