@@ -79,7 +79,7 @@ def cube(array: npt.NDArray[Any]) -> Picture:
     """Draw a colour cube from a corner: its faces at z = 0 and at the ends of y and x, on white."""
     n = len(array)
     slant = np.sqrt(3) / 2  # of the edges that are not upright, per voxel of width
-    height, width = 2 * n, int(2 * n * slant)
+    height, width = 2 * n, 2 * int(n * slant)  # even, so that no ray meets the edge in front
     below, right = np.mgrid[:height, :width] + 0.5
     right = (right - width / 2) / slant
     # What a ray meets of each face, in voxels along its two axes.
