@@ -147,10 +147,35 @@ def test_synthesize_trains_and_samples(capsys: pytest.CaptureFixture[str]) -> No
     assert np.array_equal(io.read("again.tif").array, made)
 
 
+def test_synthesize_refuses_before_it_trains(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from poresynth.engines.scaffold_gan import ScaffoldGAN
+
+    def fit(*_: object, **__: object) -> None:
+        raise AssertionError("trained")
+
+    monkeypatch.setattr(ScaffoldGAN, "fit", fit)
+    words = ["synthesize", "example.tif", "-o", "new.tif", "--engine", "scaffoldgan", *MICRO]
+    io.write("mask.npy", np.ones((24, 24, 25), bool))
+    for more, said in (
+        (["--shape", 24, 24, 25, "--periodic"], "shape = (24, 24, 25): must be multiples of 4"),
+        (["--shape", 24, 24, 24, "--porosity", "none.tif"], "none.tif: no such file"),
+        (
+            ["--shape", 24, 26, 28, "--known", "example.tif", "--known-mask", "mask.npy"],
+            "known = example.tif: cannot be kept by the engine scaffoldgan",
+        ),
+    ):
+        assert refused(capsys, *words, *more).startswith(said)
+
+
 def test_what_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     command = ("train", "example.tif", "-o", "model")
     assert "did you mean latent" in refused(capsys, *command, "--set", "latemt=3")
-    assert "engine = gan" in refused(capsys, *command, "--engine", "gan")
+    for name in ("gan", "volume"):
+        said = refused(capsys, *command, "--engine", name)
+        assert said == f"engine = {name}: must be one that is trained: ipfn, scaffoldgan"
+    assert "16 for two generator_maps" in refused(capsys, *command, "--preset", "tiny")
     assert "at least 64 voxels" in refused(capsys, *command, "--preset", "small")
     assert "holds no checkpoint" in refused(capsys, *command, "--resume")
     assert "does not exist" in refused(capsys, "train", "example.tif", "-o", "no/such/model")

@@ -32,7 +32,10 @@ def checked(model: type[Model], values: dict[str, Any]) -> Model:
         first = error.errors()[0]
         name = ".".join(str(part) for part in first["loc"])
         message = first["msg"].removeprefix("Value error, ")
-        message = message.replace("Input should be", "must be").replace(
-            "Extra inputs are not permitted", "is not a parameter of this engine"
-        )
+        for theirs, ours in (
+            ("Input should be", "must be"),
+            ("a valid tuple", "a list"),
+            ("Extra inputs are not permitted", "is not a parameter of this engine"),
+        ):
+            message = message.replace(theirs, ours)
         raise ParameterError(name, first.get("input"), message) from None

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from poresynth import config, console
-from poresynth.engines import get_engine, load_model, saved_parameters
+from poresynth.engines import ENGINES, get_engine, load_model, saved_parameters
 from poresynth.errors import FileError, ParameterError
 from poresynth.workflow.comparing import judge
 from poresynth.workflow.domains import field_of
@@ -63,6 +63,9 @@ def train(
     """
     from poresynth import io
 
+    able = [name for name, entry in ENGINES.items() if entry.trains]
+    if engine not in able:
+        raise ParameterError("engine", engine, f"must be one that is trained: {', '.join(able)}")
     # Of the processes of torchrun one speaks and writes.
     first = int(os.environ.get("RANK", "0")) == 0
     io.check_writable(output, folder=True)

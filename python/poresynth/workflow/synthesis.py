@@ -123,13 +123,16 @@ def _check_repetition(run: RunConfig, exemplars: Sequence[Volume]) -> tuple[str,
 def _sample(
     run: RunConfig, exemplars: Sequence[Volume], domain: Domain | None, threads: int
 ) -> SynthesizedVolume:
+    # All that can be refused before a training.
     known, known_mask = (
         None if path is None else read(Path(path)).array for path in (run.known, run.known_mask)
     )
-    directions = _directions(run)
+    directions, porosity = _directions(run), field_of("porosity", run.porosity, run.shape)
     example = exemplars[0] if len(exemplars) == 1 else exemplars
-    engine = get_engine(run.engine)(**run.parameters)
+    engine: Any = get_engine(run.engine)(**run.parameters)
     if ENGINES[run.engine].trains:
+        refuse({"known": run.known}, f"cannot be kept by the engine {run.engine}")
+        engine.check_shape(run.shape, run.boundary)
         with console.progress("training") as progress:
             engine.fit(example, progress=progress)
     else:
@@ -139,11 +142,11 @@ def _sample(
     else:  # What a body takes depends on its inside: the engine looks itself.
         check_room(domain, exemplars[0], engine)
     with console.progress("synthesis") as progress:
-        made = engine.sample(
+        made: SynthesizedVolume = engine.sample(
             run.shape,
             seed=run.seed,
             boundary=run.boundary,
-            porosity=field_of("porosity", run.porosity, run.shape),
+            porosity=porosity,
             **directions,
             known=known,
             known_mask=None if known_mask is None else known_mask != 0,

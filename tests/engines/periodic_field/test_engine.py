@@ -463,9 +463,12 @@ def test_bad_requests_are_named(trained: PeriodicField) -> None:
         (trained, (8, 8, 8), {"known": np.zeros((8, 8, 8))}, "known"),
         (trained, (0, 8, 8), {}, "shape"),
         (trained, (8, 8, 8), {"cut_at": "exemplar", "porosity": 0.4}, "porosity"),
+        (trained, (8, 8, 8), {"start": (1, 2)}, "start"),
     ):
         with pytest.raises(ParameterError, match=match):
             engine.sample(shape, **options)
+    with pytest.raises(ParameterError, match="start"):
+        trained.sample_field((8, 8, 8), start="abc")  # type: ignore[arg-type]
     with pytest.raises(ParameterError, match="call fit"):
         PeriodicField().sample((8, 8, 8))
 

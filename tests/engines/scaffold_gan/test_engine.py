@@ -351,6 +351,18 @@ def test_channels_are_refused_before_the_work(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_file_that_cannot_be_written_in_parts_is_refused_before_the_work(
+    small: ScaffoldGAN, tmp_path: Path
+) -> None:
+    for name in ("new.png", "no/such.tif"):
+        with pytest.raises(FileError, match=name):
+            small.sample_to(tmp_path / name, (20, 20, 20), progress=never)
+    for start in ((1, 2), "abc"):
+        with pytest.raises(ParameterError, match="start"):
+            small.sample_to(tmp_path / "new.tif", (20, 20, 20), start=start, progress=never)
+    assert list(tmp_path.iterdir()) == []
+
+
 # --- files ------------------------------------------------------------------------------------
 
 
@@ -520,6 +532,7 @@ def test_the_papers_preset_has_the_papers_numbers() -> None:
         ({"variant": "wgan"}, "variant = wgan"),
         ({"batch": 10, "accumulate": 3}, "accumulate = 3: must divide the batch, 10"),
         ({"generator_maps": (8, 8, 8)}, "discriminator_maps"),
+        ({"generator_maps": 8}, "generator_maps = 8: must be a list"),
         ({"regions": (16, 1)}, "regions"),
         ({"regions": (2, 1), "region_shapes": "cuboids"}, "regions"),
         ({"learning_rate": float("nan")}, "learning_rate"),
@@ -559,6 +572,9 @@ def test_bad_exemplars_are_named(exemplar: np.ndarray, message: str) -> None:
         ({"known": gray()}, "known = given: cannot be kept"),
         ({"mask": np.zeros((16, 16, 16), bool)}, "mask"),
         ({"threads": -1}, "threads"),
+        ({"start": (1, 2)}, r"start = \(1, 2\): must be three integers"),
+        ({"start": (0.5, 0, 0)}, "start"),
+        ({"start": 3}, "start"),
     ],
 )
 def test_bad_requests_are_named(small: ScaffoldGAN, options: dict[str, Any], message: str) -> None:

@@ -67,15 +67,16 @@ def write_blocks(
     def pores(values: npt.NDArray[Any]) -> int:
         return int(np.count_nonzero(scaling.phases.phase_of(values) == 0))
 
-    raw = 0
-    if matched is not None:
-        for done, box in enumerate(boxes):
-            field = made(box, done)
-            matched.see(field)
-            raw += pores(scaling.values(field))
-        matched.settle()
-    written, to_values = 0, scaling.values if matched is None else matched
+    raw, written = 0, 0
+    to_values = scaling.values if matched is None else matched
+    # Opened before the first round, so that what cannot be written fails at once.
     with io.create(path, like) as writer:
+        if matched is not None:
+            for done, box in enumerate(boxes):
+                field = made(box, done)
+                matched.see(field)
+                raw += pores(scaling.values(field))
+            matched.settle()
         for done, box in enumerate(boxes, steps - len(boxes)):
             values = to_values(made(box, done))
             written += pores(values)

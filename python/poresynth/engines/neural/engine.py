@@ -2,7 +2,7 @@
 
 A subclass names itself in ``engine`` and says with a few methods what is its own: `_resolve`,
 `_check`, `_generator`, `_step`, `_calibrate`, `_tiles`, and with others what differs from the rest:
-`_scale`, `_voxel_size`.
+`_scale`, `_voxel_size`, `check_shape`.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ from __future__ import annotations
 import hashlib
 import inspect
 import math
+import operator
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -48,7 +49,7 @@ from poresynth.volume import Volume, as_volume
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-__all__ = ["MODEL", "NeuralEngine", "load_engine"]
+__all__ = ["MODEL", "NeuralEngine", "as_corner", "load_engine"]
 
 MODEL = "model.safetensors"
 """The file of the generator in the folder of a training."""
@@ -152,6 +153,9 @@ class NeuralEngine(ABC):
     def _scale(self, volume: Volume) -> Scaling:
         """Return what the network learns of the exemplar."""
         return Scaling.of(volume, self._phases)
+
+    def check_shape(self, shape: Shape, boundary: Boundary) -> None:  # noqa: B027
+        """Raise `ParameterError` for a volume that no training of these parameters could make."""
 
     def _voxel_size(self, options: Any) -> tuple[float, float, float]:
         """Return the edges of a voxel that is sampled."""
@@ -380,6 +384,7 @@ class NeuralEngine(ABC):
         options: Any = None,
     ) -> SynthesizedVolume:
         """Make what `sample` was asked for; ``options`` are what that of a subclass adds."""
+        start = as_corner(start)
         tiles = self._window(request, cut_at, options)
         needed = self.estimate_memory(request.shape, threads=request.threads) + request.memory
         check_memory(needed, f"a volume of {request.shape}")
@@ -476,6 +481,7 @@ class NeuralEngine(ABC):
         options: Any = None,
     ) -> dict[str, float]:
         """Make what `sample_to` was asked for; ``options`` are what that of a subclass adds."""
+        start = as_corner(start)
         if request.porosity_map is not None:
             allowed = "must be a number where a volume is written block by block"
             raise ParameterError("porosity", "a map", allowed)
@@ -636,6 +642,15 @@ def load_engine(path: str | Path, *, device: str = "auto") -> NeuralEngine:
     kind: Any = get_engine(facts.get("engine", ""))
     engine: NeuralEngine = kind.load(path, device=device)
     return engine
+
+
+def as_corner(start: Sequence[int]) -> Shape:
+    """Return the first voxel of a window as three integers, which it must be."""
+    try:
+        z, y, x = (operator.index(n) for n in start)
+    except (TypeError, ValueError):
+        raise ParameterError("start", start, "must be three integers (z, y, x)") from None
+    return (z, y, x)
 
 
 def _model_file(path: str | Path) -> Path:

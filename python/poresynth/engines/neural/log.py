@@ -1,8 +1,9 @@
 """What a training leaves to read: a JSONL file, pictures of mid-slices, TensorBoard's files.
 
-``log.jsonl`` has one object a line: ``{"iteration": …, "seconds": …, "losses": {…}}``, and where
-the generator was compared with the exemplar also ``"figures": {…}`` and ``"score"``. A resumed
-training goes on in the same file, after the lines of its checkpoint.
+``log.jsonl`` has one object a line, written whenever the generator is compared with the exemplar:
+``iteration`` and ``seconds``; ``losses``, by name, means over the iterations since the line before;
+``figures`` and ``score`` of the comparison; and ``best``, the iteration of the generator that is
+kept. A resumed training goes on in the same file, after the lines of its checkpoint.
 """
 
 from __future__ import annotations

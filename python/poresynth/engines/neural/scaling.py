@@ -118,10 +118,6 @@ class Scaling:
                 array[channel, z] = gray
         return array[0] if self.plain else np.ascontiguousarray(np.moveaxis(array, 0, -1))
 
-    def solid(self, field: Field) -> npt.NDArray[np.bool_]:
-        """Return where the solid of a field is, at the exemplar's threshold; shape (z, y, x)."""
-        return self.phases.phase_of(self.values(field)) > 0
-
     def _to_unit(self, values: npt.NDArray[Any], channel: int) -> Field:
         span = self.high[channel] - self.low[channel]
         unit = (values.astype(np.float64) - self.low[channel]) * (2 / span) - 1

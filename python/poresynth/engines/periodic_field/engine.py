@@ -14,7 +14,7 @@ from torch import nn
 
 from poresynth.engines.base import ProgressCallback, SynthesizedVolume
 from poresynth.engines.field_choice import choose_field
-from poresynth.engines.neural.engine import Boundary, Cut, NeuralEngine, Shape
+from poresynth.engines.neural.engine import Boundary, Cut, NeuralEngine, Shape, as_corner
 from poresynth.engines.neural.noise import mix_seed
 from poresynth.engines.neural.scaling import Scaling
 from poresynth.engines.neural.tiles import Tiles, assemble
@@ -365,7 +365,7 @@ compile, device, evaluate_every, patience, training_seed
             resolution. Of intensities: from −1 to 1, with ``threshold`` where the phases part, and
             a last axis of channels if there are several.
         """
-        chosen = FieldOptions.of(options)
+        chosen, start = FieldOptions.of(options), as_corner(start)
         request = self._request(shape, seed, boundary, None, None, threads)
         tiles = self._tiles(self.generator_, request.seed, request.shape, boundary, chosen)
         check_memory(self.estimate_memory(request.shape), f"a field of {request.shape}")
