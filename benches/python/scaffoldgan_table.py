@@ -30,6 +30,7 @@ from poresynth.engines.scaffold_gan import ScaffoldGAN
 from poresynth.engines.scaffold_gan.parameters import VARIANTS
 from poresynth.engines.solid_texture import SolidTexture
 from poresynth.engines.volume_texture import VolumeTexture
+from poresynth.metrics.connectivity import FLOATING
 from poresynth.volume import Volume
 
 # Table 1, Bone_0: porosity error %, D2, components, floating parts, D_w, seconds.
@@ -106,7 +107,7 @@ def measure(name: str, exemplar: Volume, asked: argparse.Namespace) -> Iterator[
             "porosity_error": 100 * abs(metrics.porosity(solid) / phases.porosity - 1),
             "two_point_error": metrics.two_point_error(own, solid),
             "components": float(len(sizes)),
-            "floating_parts": float(np.count_nonzero(sizes < 10)),
+            "floating_parts": float(np.count_nonzero(sizes < FLOATING)),
             "component_wasserstein": metrics.component_wasserstein(own, solid),
             "seconds": seconds,
         }
@@ -118,7 +119,7 @@ def table(exemplar: Volume, found: dict[str, list[dict[str, float]]], asked: Any
     """The table, in Markdown."""
     phases = Phases.of(exemplar, "auto", None, "bright")
     sizes = metrics.component_sizes(phases.phase > 0)
-    floating = int(np.count_nonzero(sizes < 10))
+    floating = int(np.count_nonzero(sizes < FLOATING))
     lines = [
         f"Exemplar {asked.exemplar.name}, {' × '.join(map(str, exemplar.shape))}: porosity "
         f"{100 * phases.porosity:.2f} %, {len(sizes)} components, {floating} floating parts.",

@@ -449,13 +449,18 @@ def test_pictures_show_the_volume_above_the_exemplar(tmp_path: Path) -> None:
     assert np.array_equal(shown[16:28, :14], expected)
 
 
-def test_tensorboard_gets_the_curves(tmp_path: Path) -> None:
+def test_tensorboard_gets_the_curves_and_the_pictures(tmp_path: Path) -> None:
     events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
-    found = train(Regression(), parameters(), folder=tmp_path)
+    exemplar = SOLID.astype(np.uint8)
+    found = train(Regression(), parameters(), folder=tmp_path, exemplar=exemplar)
     board = events.EventAccumulator(str(tmp_path / "tensorboard")).Reload()
     assert [e.step for e in board.Scalars("losses/square")] == [4, 8, 12]
     values = [r["losses"]["square"] for r in found.records]
     assert [e.value for e in board.Scalars("losses/square")] == pytest.approx(values)
+    assert [e.value for e in board.Scalars("figures/porosity")] == [0.5] * 3
+    assert [(e.step, e.height, e.width) for e in board.Images("slices")] == [
+        (step, *mid_slices(exemplar, exemplar).shape) for step in (4, 8, 12)
+    ]
 
 
 def test_without_tensorboard_it_says_so_and_trains(
