@@ -63,6 +63,7 @@ def test_the_papers_discriminator_layer_by_layer() -> None:
         logits, features = net(torch.zeros(2, 1, 64, 64, 64), 4)
     assert logits.shape == (2, 1, 1, 1, 1)
     maps = [(64, 32), (128, 16), (256, 8), (512, 4)]
+    assert net.edges(64) == [n for _, n in maps]
     assert [tuple(f.shape) for f in features] == [(2, c, n, n, n) for c, n in maps]
     # None in the first layer, which would hide mean and contrast.
     assert [n.num_features for n in net.norms] == [128, 256, 512]

@@ -95,6 +95,15 @@ def test_anchors_are_drawn_once_and_as_many_as_asked_for() -> None:
     assert made(table=None)[0].anchors == [None, None]
 
 
+def test_anchors_lie_in_the_whole_batch_also_where_maps_are_not_halved() -> None:
+    # Of a PatchGAN without halvings: maps of 15³ and 14³ of a crop of 16³.
+    patches = {"variant": "patchgan", "patch_halvings": 0, "structural_weight": 1.0}
+    step, machine = made(**patches, table=2 * 7**3 - 1)
+    assert step.discriminator.edges(16) == [15, 14]
+    assert int(step.anchors[0].max()) >= 2 * 7**3 - 2
+    assert torch.isfinite(run(step, machine)["structural"])
+
+
 @pytest.mark.parametrize("generator_loss", ["non_saturating", "saturating"])
 def test_the_generators_losses_teach_the_generator_alone(
     generator_loss: str, monkeypatch: pytest.MonkeyPatch

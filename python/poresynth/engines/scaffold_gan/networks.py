@@ -94,15 +94,23 @@ class Discriminator(nn.Module):
     ) -> None:
         super().__init__()
         widths = [channels, *maps, 1]
-        steps = strides or [*[(2, 1)] * len(maps), (1, 0)]
+        self.steps = strides or [*[(2, 1)] * len(maps), (1, 0)]
         self.layers = nn.ModuleList(
             # Where a batch norm follows, a bias would be taken away again.
             nn.Conv3d(a, b, KERNEL, stride, padding, bias=i in (0, len(maps)))
             for i, ((a, b), (stride, padding)) in enumerate(
-                zip(itertools.pairwise(widths), steps, strict=True)
+                zip(itertools.pairwise(widths), self.steps, strict=True)
             )
         )
         self.norms = nn.ModuleList(nn.BatchNorm3d(width) for width in maps[1:])
+
+    def edges(self, crop: int) -> list[int]:
+        """Return the edges of the maps of all layers but the last, for a crop of this edge."""
+        found = []
+        for stride, padding in self.steps[:-1]:
+            crop = (crop + 2 * padding - KERNEL) // stride + 1
+            found.append(crop)
+        return found
 
     def forward(self, x: Tensor, layers: int = 0) -> tuple[Tensor, list[Tensor]]:
         """Return the logits, and the features of the first layers after their activation.

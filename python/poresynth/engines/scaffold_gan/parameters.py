@@ -64,10 +64,13 @@ class ScaffoldParameters(TrainingParameters):
             raise ParameterError("discriminator_maps", self.discriminator_maps, wanted)
         if len(self.regions) > layers:
             raise ParameterError("regions", self.regions, f"must be one a layer, at most {layers}")
+        cubes = self.region_shapes == "cubes"
+        if any(width < 1 or (not cubes and width % 2) for width in self.regions):
+            wanted = "must be at least 1" if cubes else "must be even and at least 2 for cuboids"
+            raise ParameterError("regions", self.regions, wanted)
         for i, width in enumerate(self.regions):
-            edge = self.crop >> (i + 1)
-            long = width if self.region_shapes == "cubes" else 2 * width
-            if width < 1 or long > edge or (self.region_shapes != "cubes" and width % 2):
+            edge, long = self.crop >> (i + 1), width if cubes else 2 * width
+            if long > edge:
                 wanted = f"must fit into the maps: {long} voxels of layer {i}, whose edge is {edge}"
                 raise ParameterError("regions", self.regions, wanted)
         if self.patch_halvings > layers:

@@ -86,6 +86,7 @@ class ScaffoldStep:
         if p.variant == "patchgan":
             strides = patch_strides(len(p.discriminator_maps) + 1, p.patch_halvings)
         discriminator = Discriminator(p.discriminator_maps, channels, strides)
+        self.discriminator = discriminator
         random = torch.Generator().manual_seed(mix_seed(p.training_seed, 0x57EA))
         for network in (generator, discriminator):
             initialise(network, random)
@@ -118,9 +119,9 @@ class ScaffoldStep:
         self.wanted = float(soft_solid(exemplar, self.threshold))
         random = torch.Generator().manual_seed(mix_seed(p.training_seed, 0xA4C4))
         self.anchors = []
+        edges = self.discriminator.edges(p.crop)
         for layer, shape, stride in self.regions:
-            edges = [p.crop >> (layer + 1)] * 3
-            count = machine.part * math.prod(region_grid(edges, shape, stride))
+            count = machine.part * math.prod(region_grid([edges[layer]] * 3, shape, stride))
             drawn = None
             if p.table is not None and p.table < count:
                 drawn = torch.randperm(count, generator=random)[: p.table].to(machine.device)
