@@ -31,10 +31,11 @@ def checked(model: type[Model], values: dict[str, Any]) -> Model:
     except ValidationError as error:
         first = error.errors()[0]
         name = ".".join(str(part) for part in first["loc"])
-        message = first["msg"].removeprefix("Value error, ")
+        message = first["msg"].removeprefix("Value error, ").partition(" after validation")[0]
         for theirs, ours in (
             ("Input should be", "must be"),
             ("a valid tuple", "a list"),
+            ("Tuple should", "must"),
             ("Extra inputs are not permitted", "is not a parameter of this engine"),
         ):
             message = message.replace(theirs, ours)

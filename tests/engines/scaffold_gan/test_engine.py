@@ -534,6 +534,7 @@ def test_the_papers_preset_has_the_papers_numbers() -> None:
         ({"generator_maps": (8, 8, 8)}, "discriminator_maps"),
         ({"generator_maps": 8}, "generator_maps = 8: must be a list"),
         ({"regions": (16, 1)}, "regions"),
+        ({"regions": ()}, r"regions = \(\): must have at least 1 item$"),
         ({"regions": (2, 0)}, r"regions = \(2, 0\): must be at least 1"),
         ({"regions": (2, 1), "region_shapes": "cuboids"}, "must be even .* for cuboids"),
         ({"regions": (2, 4), "region_shapes": "both"}, "8 voxels of layer 1, whose edge is 4"),
