@@ -101,7 +101,9 @@ def test_blockwise_goes_to_the_disk(capsys: pytest.CaptureFixture[str]) -> None:
     shape = ("--shape", 30, 24, 20)
     run("sample", "model", "-o", "a.zarr", *shape, "--blockwise", "--cut-at", "exemplar")
     said = capsys.readouterr()
-    assert "raw_porosity: 0." in said.out
+    assert re.search(
+        r"^porosity: (0\.\d+)\nporosity at the exemplar's threshold: \1$", said.out, re.M
+    )
     stated = re.search(r"needs about ([\d.]+) MB of memory; .* is available", said.err)
     assert stated
     assert 64 < float(stated[1]) < 200

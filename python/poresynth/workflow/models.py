@@ -190,8 +190,8 @@ def sample(
             if blockwise:
                 found = engine.sample_to(output, shape, progress=progress, origin=origin, **wanted)
                 console.result(f"new volume: {output}")
-                for name, value in found.items():
-                    console.result(f"{name}: {value:.4f}")
+                console.result(f"porosity: {found['porosity']:.4f}")
+                _print_raw(found["raw_porosity"])
                 return
             if cut_at == "none":
                 volume = _field(engine, shape, progress=progress, **wanted)
@@ -211,9 +211,12 @@ def sample(
         console.result(f"new volume: {output}")
         if cut_at == "none":
             return
-        raw = volume.metadata["poresynth"]["raw_porosity"]
-        console.result(f"porosity at the exemplar's threshold: {raw:.4f}")
+        _print_raw(volume.metadata["poresynth"]["raw_porosity"])
         judge([engine.exemplar_], volume, threads, report, beside_images=False)
+
+
+def _print_raw(porosity: float) -> None:
+    console.result(f"porosity at the exemplar's threshold: {porosity:.4f}")
 
 
 def _field(engine: Any, shape: tuple[int, int, int], **wanted: Any) -> Any:
