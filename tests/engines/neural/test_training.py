@@ -205,9 +205,11 @@ def test_collapse_is_given_up_only_after_several_comparisons(tmp_path: Path) -> 
         train(step, parameters(iterations=100), folder=tmp_path)
 
 
-def test_a_generator_that_never_has_both_phases_is_no_result() -> None:
-    with pytest.raises(TrainingError, match="never made both phases"):
+def test_a_generator_that_never_has_both_phases_is_no_result(tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match=r"both phases in 12.*; no generator was kept"):
         train(Regression(scores=[float("inf")] * 3), parameters())
+    with pytest.raises(TrainingError, match=r"; the last checkpoint lies in .*\. More iterations"):
+        train(Regression(scores=[float("inf")] * 3), parameters(), folder=tmp_path)
 
 
 def test_weights_that_are_not_finite_never_reach_a_checkpoint(tmp_path: Path) -> None:

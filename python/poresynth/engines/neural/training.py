@@ -276,8 +276,8 @@ class _Run:
         training.ended = "no better one" if self._enough() else "all iterations"
         if training.best is None:
             raise TrainingError(
-                f"the generator never made both phases in {training.iteration} iterations; train "
-                "longer, or see what is said of one-sided exemplars"
+                f"the generator never made both phases in {training.iteration} iterations; "
+                f"{self._left()}. More iterations, or a lower learning rate, help"
             )
 
     def _iterate(self) -> None:
