@@ -158,7 +158,7 @@ class ScaffoldStep:
             losses |= self._feature_losses(features, real_features, tables)
             return losses | self._volume_losses(fake, real, iteration, random)
 
-        frozen = [self.networks["discriminator"]]
+        frozen = [self.discriminator]
         return found | machine.update(self.optimizers["generator"], generate, frozen=frozen)
 
     def _fake(self, machine: Machine, random: torch.Generator) -> Tensor:
