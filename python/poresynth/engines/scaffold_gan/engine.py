@@ -113,7 +113,8 @@ class ScaffoldGAN(NeuralEngine):
     batch : int
         Crops of an iteration, over all devices and accumulation steps; by the preset.
     accumulate : int, default 1
-        Parts that a batch is computed in, one after the other, for less memory.
+        Parts that a batch is computed in, one after the other, for less memory. Look-up table and
+        Gram matrices of training samples are then those of the last part.
     learning_rate : float
         By the preset: 2e-4 as in DCGAN, 1e-3 of ``"tiny"``.
     schedule : {"constant", "cosine"}, default "constant"
