@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from typing import Any
 
 import numpy as np
@@ -214,3 +215,10 @@ def test_guidance_reaches_each_voxel_by_its_place() -> None:
     alike = whole(even, (0, 0, 0), (20, 30, 24))
     np.testing.assert_allclose(alike[:, 5, 7, 9], field[:, 5, 7, 9], atol=1e-6)
     assert np.abs(alike - field).max() > 0.01
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="PyTorch compiles by g++")
+@pytest.mark.filterwarnings("ignore")  # Of the compiler, on its own code.
+def test_a_compiled_perceptron_makes_the_same_field() -> None:
+    plain, compiled = (whole(tiles(compiled=c), (0, 3, -5), (9, 20, 9)) for c in (False, True))
+    np.testing.assert_allclose(compiled, plain, atol=1e-5)

@@ -498,6 +498,7 @@ compile, device, evaluate_every, patience, training_seed
             constant=o.latent == "constant",
             guide=guide,
             precision=p.precision,
+            compiled=p.compile,
         )
 
     def _frame(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -187,6 +187,8 @@ class FieldTiles:
         The guidance factor.
     precision : str, default "float32"
         Of the matrix products.
+    compiled : bool, default False
+        Whether PyTorch compiles the perceptron, once for all tiles: they have one shape.
     """
 
     def __init__(
@@ -200,11 +202,13 @@ class FieldTiles:
         constant: bool = False,
         guide: Guide | None = None,
         precision: str = "float32",
+        compiled: bool = False,
     ) -> None:
         self.device = generator.scale.device
         self.channels = generator.last.out_features
         self.edge = TILE["cpu" if self.device.type == "cpu" else "other"][generator.axes]
         self._generator, self._latent, self._frame = generator, latent, frame
+        self._call: Callable[..., Tensor] = torch.compile(generator) if compiled else generator
         self._numbers = numbers // latent.groups
         self._seeds = [mix_seed(seed, group) for group in range(latent.groups)]
         self._constant, self._guide, self._precision = constant, guide, precision
@@ -223,7 +227,7 @@ class FieldTiles:
             guide = torch.from_numpy(factors).to(self.device)
         reduced = self._precision != "float32"
         with torch.autocast(self.device.type, DTYPES[self._precision], enabled=reduced):
-            made = 2 * self._generator(turned, latent, guide) - 1
+            made = 2 * self._call(turned, latent, guide) - 1
         field: Field = made[0].float().cpu().numpy()
         return field.reshape(self.channels, *self.edge)
 
