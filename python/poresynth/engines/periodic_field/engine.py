@@ -39,9 +39,10 @@ if TYPE_CHECKING:
 
 __all__ = ["PeriodicField"]
 
-SPACING = {True: 1.0, False: 0.33}
+SPACING = {True: 1.0, False: 0.25}
 """Distance of the latent field's sites as a phase, where the period is clear and where it stands
-for four wavelengths: a half and two thirds of a wavelength."""
+for four wavelengths: half of a wavelength. At two thirds the struts of a foam came out too thick:
+D2 was 18 instead of 12 %, and the surface 17 instead of 7 % too small (one training each)."""
 
 # What a seed drawn from that of the training is for.
 _WEIGHTS = 1
@@ -116,8 +117,8 @@ class PeriodicField(NeuralEngine):
         Spacings of the lattices, each half of the one before; the groups take them in turn.
     spacing : float, optional
         Distance of the sites of the coarsest lattices as a phase, 2 being a period. By default 1
-        where the exemplar has a period and 0.33 where four wavelengths stand for one: half of a
-        wavelength, and two thirds.
+        where the exemplar has a period and 0.25 where four wavelengths stand for one: half of a
+        wavelength.
     interpolation : {"gradient", "quintic", "paper"}, default "gradient"
         Between the sites: slopes or values, by quintics; or Eq. 4, which is not continuous.
     sigma : float, default 0.2
