@@ -222,3 +222,11 @@ def test_guidance_reaches_each_voxel_by_its_place() -> None:
 def test_a_compiled_perceptron_makes_the_same_field() -> None:
     plain, compiled = (whole(tiles(compiled=c), (0, 3, -5), (9, 20, 9)) for c in (False, True))
     np.testing.assert_allclose(compiled, plain, atol=1e-5)
+
+
+def test_reduced_precision_makes_nearly_the_same_field() -> None:
+    plain, reduced = (
+        whole(tiles(precision=p), (0, 3, -5), (9, 20, 9)) for p in ("float32", "bfloat16")
+    )
+    assert reduced.dtype == np.float32
+    assert 0 < np.abs(reduced - plain).max() < 0.1
