@@ -47,8 +47,8 @@ ADVERSARIAL: dict[str, Any] = {
 }
 TEXTURES: dict[str, dict[str, Any]] = {
     "honeycomb": {"iterations": 2000, "spacing": 1.5},
-    "crosshatch": {"iterations": 1200},
-    "veins": {"iterations": 1200},
+    "crosshatch": {"iterations": 1000},
+    "veins": {"iterations": 1000},
 }
 SCANS = {"bone": "trabecular_bone_gray_100.tif", "Berea": "berea_sandstone_binary_200.tif"}
 MEDIA: dict[str, Callable[[], Volume]] = {
@@ -113,7 +113,7 @@ def draw(name: str, rows: Sequence[Sequence[Panel]]) -> None:
             axis = figure.add_axes(box)
             high = 255 if pixels.dtype == np.uint8 else None
             axis.imshow(pixels, cmap="gray", vmin=0 if high else None, vmax=high, aspect="auto")
-            axis.set_title(text, fontsize=8, pad=3)
+            axis.set_title(text, fontsize=8, pad=3, loc="left")
             axis.axis("off")
             left += w + gap
     file = memory.BytesIO()
@@ -135,7 +135,7 @@ def image(name: str, models: Path | None) -> None:
     chosen["evaluate_every"] = chosen["iterations"]
     made = fit(name, exemplar, models, **chosen).sample((1, 512, 512), seed=1)
     crop = exemplar.array[0, :128, :128]
-    draw(name, [[(f"{name}, a crop of 128²", crop), ("new, 512²", made.array[0])]])
+    draw(name, [[(f"{name}, 128²", crop), ("new, 512²", made.array[0])]])
 
 
 def volumes(models: Path | None) -> None:
@@ -188,7 +188,8 @@ def table(models: Path | None) -> None:
 
 def density(models: Path | None) -> None:
     """Surfaces of one field, guided by a number, and by a gradient along x."""
-    engine = fit("density", foam((96, 96, 96), seed=1), models, guidance="density")
+    exemplar = foam((96, 96, 96), seed=1)
+    engine = fit("density", exemplar, models, guidance="density", iterations=400)
     found = MEASURED["density"]
     own = patches(engine._phases.phase > 0, engine.parameters_.crop)
     row = []
