@@ -47,8 +47,8 @@ ADVERSARIAL: dict[str, Any] = {
 }
 TEXTURES: dict[str, dict[str, Any]] = {
     "honeycomb": {"iterations": 2000, "spacing": 1.5},
-    "crosshatch": {"iterations": 1000},
-    "veins": {"iterations": 1000},
+    "crosshatch": {"iterations": 800},
+    "veins": {"iterations": 800},
 }
 SCANS = {"bone": "trabecular_bone_gray_100.tif", "Berea": "berea_sandstone_binary_200.tif"}
 MEDIA: dict[str, Callable[[], Volume]] = {
@@ -75,6 +75,7 @@ def fit(name: str, exemplar: Volume, models: Path | None, **parameters: Any) -> 
     kept = None if models is None else models / f"{name}.safetensors"
     if name not in FITTED and kept is not None and kept.exists():
         FITTED[name] = PeriodicField.load(kept, device="cpu")
+        MEASURED.setdefault(name, {})
     if name not in FITTED:
         begin = time.process_time()
         with console.progress(name) as report:
@@ -189,7 +190,8 @@ def table(models: Path | None) -> None:
 def density(models: Path | None) -> None:
     """Surfaces of one field, guided by a number, and by a gradient along x."""
     exemplar = foam((96, 96, 96), seed=1)
-    engine = fit("density", exemplar, models, guidance="density", iterations=400)
+    short = {"iterations": 300, "places": 384, "grids": 32}
+    engine = fit("density", exemplar, models, guidance="density", **short)
     found = MEASURED["density"]
     own = patches(engine._phases.phase > 0, engine.parameters_.crop)
     row = []
