@@ -129,13 +129,17 @@ def surface(solid: npt.NDArray[np.bool_], pixel: float = 1.0) -> Pixels:
     return np.rint(picture[..., :3] * opacity + 255 * (1 - opacity)).astype(np.uint8)
 
 
-def image(name: str, models: Path | None) -> None:
-    """A texture and, to the same scale, a field four times as wide as a crop of it."""
-    exemplar = texture(name)
+def coloured(name: str, models: Path | None) -> PeriodicField:
+    """Train on one of `TEXTURES`."""
     chosen = ADVERSARIAL | TEXTURES[name]
     chosen["evaluate_every"] = chosen["iterations"]
-    made = fit(name, exemplar, models, **chosen).sample((1, 512, 512), seed=1)
-    crop = exemplar.array[0, :128, :128]
+    return fit(name, texture(name), models, **chosen)
+
+
+def image(name: str, models: Path | None) -> None:
+    """A texture and, to the same scale, a field four times as wide as a crop of it."""
+    made = coloured(name, models).sample((1, 512, 512), seed=1)
+    crop = texture(name).array[0, :128, :128]
     draw(name, [[(f"{name}, 128²", crop), ("new, 512²", made.array[0])]])
 
 
@@ -247,7 +251,15 @@ def tiles(models: Path | None) -> None:
         ("periodic, 2 × 2 tiles", np.tile(periodic(seed=5).array[0], (2, 2))),
         ("mirrored, 2 × 2 tiles", np.tile(mirrored, (2, 2))),
     ]
-    draw("tiles", [[(text, enlarged(pixels)) for text, pixels in row]])
+    comb = coloured("honeycomb", models)
+    y, x = (round(n * t) for n, t in zip((2, 3), comb.period_, strict=True))
+    whole = partial(comb.sample, (1, y, x), seed=5, boundary="periodic")
+    row += [
+        ("a comb, 2 × 2 tiles: seams", np.tile(comb.exemplar_.array[0, :y, :x], (2, 2, 1))),
+        ("periodic, 2 × 2 tiles", np.tile(whole().array[0], (2, 2, 1))),
+        ("constant latent, 2 × 2 tiles", np.tile(whole(latent="constant").array[0], (2, 2, 1))),
+    ]
+    draw("tiles", [row[:3], row[3:]])
     across = {
         "exemplar": [seam(tile) for tile in tiles_of(exemplar.array[0], edge)],
         "periodic": [seam(periodic(seed=seed).array[0]) for seed in range(40)],
