@@ -77,7 +77,7 @@ class TextureParameters(BaseModel):
 
 PRESETS: dict[str, dict[str, Any]] = {
     "quality": {},
-    "fast": {"levels": 2, "windows": (8, 4), "iterations": 6},
+    "fast": {"levels": 2, "windows": (8, 4), "iterations": 6, "temperature": 0.0},
     "paper": {
         "field": "intensity",
         "levels": 2,
