@@ -139,8 +139,8 @@ class VolumeTexture:
         At the finest level coherent search chooses among the candidates of a site by chance, as
         exp(−cost / T), where T falls from this, in units of the descriptors' variance, to 0 in the
         iterations of a window; 0 takes the best. It lowers the structure error by a sixth (of all
-        of seven materials, three seeds of 152³ each) and takes up to a quarter more time, for no
-        window is done early.
+        of seven materials, three seeds of 152³ each) and takes a third more time, for no window is
+        done early.
     exponent : float, default 0.1
         r of Eq. 2: windows that fit badly weigh less; 2 weighs all alike, the paper has 0.8. Lower
         is sharper: Berea sandstone's mean gradient comes out 4.5 % too low at 0.8, 3 % at 0.2 and
