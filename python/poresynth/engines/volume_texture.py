@@ -57,10 +57,10 @@ class VolumeTexture:
     ----------
     preset : {"quality", "fast", "paper"}, default "quality"
         Where the parameters that are not given come from. ``"quality"``: three levels, coherent
-        search, run penalty. ``"fast"``: two levels, two windows, half of the iterations, no annealing.
-        ``"paper"``: the parameters of zhang_2017 §5.1, with intensities, a kd-tree, the index
-        histogram and adaptive weights; without symmetric copies, which the paper names but does not
-        count (``symmetry="full"`` adds all).
+        search, run penalty. ``"fast"``: two levels, two windows, half of the iterations, no
+        annealing. ``"paper"``: the parameters of zhang_2017 §5.1, with intensities, a kd-tree, the
+        index histogram and adaptive weights; without symmetric copies, which the paper names but
+        does not count (``symmetry="full"`` adds all).
     threshold : float, optional
         Gray value that parts pore from solid; Otsu's of the exemplar by default.
     solid : {"bright", "dark"}, default "bright"
