@@ -205,6 +205,8 @@ def test_outside_the_mask_nothing_is_made(example: Path, folder: Path) -> None:
     io.write("mask.npy", mask)
     new = synthesize(example, "--mask", "mask.npy")
     assert len(np.unique(new[~mask])) == 1
+    # The mask says the shape.
+    np.testing.assert_array_equal(synthesize(example, "--mask", "mask.npy", shape=[]), new)
 
 
 def test_the_exemplar_is_cropped_and_reduced_as_it_is_read(example: Path, folder: Path) -> None:

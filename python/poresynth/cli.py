@@ -148,8 +148,8 @@ def synthesize(
     solid
         Which side of the threshold is solid. [default: bright]
     mask
-        Where the result matters: a volume of the wanted shape, not 0 there; or a closed body, STL,
-        PLY, OBJ or 3MF, in whose box the volume then lies, and no `--shape` is needed.
+        Where the result matters: a volume, not 0 there, or a closed body, STL, PLY, OBJ or 3MF;
+        the volume, or the body's box, is then the shape, and no `--shape` is needed.
     mask_unit
         Unit of lengths in the body's file, where it does not say.
     part

@@ -43,13 +43,12 @@ def read_mask(mask: str | None, unit: str | None, volume: Volume) -> Domain | No
 
 
 def shape_of_mask(document: Mapping[str, Any]) -> tuple[int, int, int] | None:
-    """Return the shape that a body has in voxels of the exemplar, for a run that says none."""
+    """Return the shape of a mask, in voxels of the exemplar, for a run that says none."""
     from poresynth.config import validate
-    from poresynth.meshes import READABLE
     from poresynth.shapes import read_domain
 
     mask = document.get("mask")
-    if document.get("shape") is not None or Path(str(mask)).suffix.lower() not in READABLE:
+    if mask is None or document.get("shape") is not None:
         return None
     run = validate({**document, "shape": (1, 1, 1)})
     exemplar = read_exemplars(run)[0]
