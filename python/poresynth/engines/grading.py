@@ -199,7 +199,8 @@ def grade(
     Newton's method until the porosity round its node is the wanted one. The number of solid voxels
     in all is exact.
 
-    Peak memory: 1 byte a voxel, 18 a voxel that may change, and 120 MB.
+    Peak memory: 1 byte a voxel, and the larger of 16 bytes a voxel that may change, and 4 of these
+    with 50 bytes a voxel of a cell and its surroundings, 350 MB.
     """
     parts = _parts(solid, free, domain, score)
     nodes = _Nodes.over(solid.shape, round(BLOCK * feature))

@@ -16,8 +16,10 @@ __all__ = ["Request"]
 
 Shape = tuple[int, int, int]
 
-MAP_MEMORY = 18
-"""Most bytes that it takes to follow a porosity map, a voxel that may change."""
+MAP_MEMORY = 50
+"""Most bytes that it takes to follow a porosity map, a voxel of a cell and its surroundings."""
+MAP_CELL = 192**3
+"""Voxels of such a cell."""
 KNOWN_MEMORY = 30
 """Most bytes a voxel that it takes to lead new voxels up to known ones."""
 
@@ -99,7 +101,9 @@ class Request:
             return known
         free = self.free
         changing = voxels if free is None else int(np.count_nonzero(free))
-        return max(known, 2 * voxels + MAP_MEMORY * changing)
+        # Two solids, and either a cell and the depths so far, or what is made of all depths.
+        cell = MAP_MEMORY * min(voxels, MAP_CELL)
+        return max(known, 2 * voxels + max(cell + 4 * changing, 16 * changing))
 
     def around_domain(self) -> tuple[Request, tuple[slice, ...]]:
         """Return the request for the box round the domain, and where that is.
