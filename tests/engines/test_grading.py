@@ -139,6 +139,13 @@ def test_the_error_of_windows_is_that_of_their_voxels() -> None:
     assert found.error == pytest.approx(np.mean(errors), rel=0.2)
 
 
+def test_where_nothing_may_change_nothing_does() -> None:
+    _, solid = medium()
+    found = grade(solid, mapped(ramp(0.1, 0.9)), 8.0, seed=1, free=np.zeros(SHAPE, bool))
+    np.testing.assert_array_equal(found.solid, solid)
+    assert found.error == 0
+
+
 def test_a_map_that_is_missed_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     score, solid = medium()
     monkeypatch.setattr("poresynth.engines.grading.ROUNDS", 0)

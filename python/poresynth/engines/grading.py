@@ -203,6 +203,9 @@ def grade(
     with 50 bytes a voxel of a cell and its surroundings, 350 MB.
     """
     parts = _parts(solid, free, domain, score)
+    windows = _Windows.over(solid.shape, max(round(3 * feature / WINDOW), 1))
+    if not parts:
+        return Graded(solid.copy(), windows.edge, 0.0)
     nodes = _Nodes.over(solid.shape, round(BLOCK * feature))
     inside, wanted = np.zeros(nodes.shape), np.zeros(nodes.shape)
     voxels = 0.0
@@ -225,7 +228,6 @@ def grade(
     heights = np.concatenate([part.above(nodes, levels) for part in parts])
     chosen = _core.cut_solid(heights, round(voxels), seed=seed, free=None)
     graded = solid.copy()
-    windows = _Windows.over(solid.shape, max(round(3 * feature / WINDOW), 1))
     for part in parts:
         own, chosen = chosen[: len(part.depth)], chosen[len(part.depth) :]
         graded[part.box][part.free] = own
