@@ -29,8 +29,8 @@ from texture_images import DATA, texture
 from poresynth import console, io
 from poresynth.engines.neural.judge import Judge
 from poresynth.engines.periodic_field import PeriodicField
-from poresynth.engines.periodic_field.guidance import _ranks
 from poresynth.engines.periodic_field.guidance import density as eq_6
+from poresynth.engines.periodic_field.guidance import ranks
 from poresynth.exemplars import foam, spinodal
 from poresynth.report.render3d import surface_picture
 from poresynth.volume import Volume
@@ -214,7 +214,7 @@ def density(models: Path | None) -> None:
 
 def patches(solid: npt.NDArray[np.bool_], edge: int) -> Callable[[float], float]:
     """Mean share of solid of the exemplar's patches that are about so dense by Eq. 6."""
-    rank = _ranks(eq_6(solid, edge), edge)
+    rank = ranks(eq_6(solid, edge), edge)
     share = uniform_filter(solid.astype(float), edge)
     inside = (slice(edge // 2, -(edge - edge // 2)),) * 3
     rank, share = rank[inside], share[inside]

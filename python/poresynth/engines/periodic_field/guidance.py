@@ -14,7 +14,7 @@ from poresynth import _core
 from poresynth.engines.phases import Phases
 from poresynth.errors import ParameterError
 
-__all__ = ["Factors", "Guidance", "Guide", "density", "implicit_plane", "mean_distance"]
+__all__ = ["Factors", "Guidance", "Guide", "density", "implicit_plane", "mean_distance", "ranks"]
 
 Field = npt.NDArray[np.float32]
 Guidance = float | tuple[float, float] | npt.NDArray[Any]
@@ -183,7 +183,7 @@ class Factors:
         if kind == "density":
             if len(phases.labels) > 2:
                 raise ParameterError("guidance", kind, "must not be taken of more than two phases")
-            values = _ranks(density(phases.phase > 0, crop), crop)
+            values = ranks(density(phases.phase > 0, crop), crop)
         elif kind == "direction":
             values = implicit_plane([_line(n) for n in flat], direction or ()).reshape(shape)
         else:
@@ -234,8 +234,16 @@ class Factors:
         return Guide(((values - self.low) / (self.high - self.low)).astype(np.float32), shape)
 
 
-def _ranks(values: Field, edge: int) -> Field:
-    """Return the share of the patches inside the exemplar whose value is less, 0 to 1."""
+def ranks(values: Field, edge: int) -> Field:
+    """Return the share of the patches inside the exemplar whose value is less, 0 to 1.
+
+    Parameters
+    ----------
+    values : numpy.ndarray of float32
+        A value for the patch around each voxel, shape (z, y, x).
+    edge : int
+        Edge of a patch, voxels.
+    """
     inner = tuple(
         slice(edge // 2, n - edge + edge // 2 + 1) if n > 1 else slice(None) for n in values.shape
     )
