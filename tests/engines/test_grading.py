@@ -175,7 +175,7 @@ def test_maps_and_functions_say_the_same() -> None:
         assert isinstance(porosity, PorosityMap)
         np.testing.assert_array_equal(porosity.at(box), whole(porosity)[box])
         np.testing.assert_array_equal(whole(porosity.within(box)), whole(porosity)[box])
-        assert porosity.figures()["mean"] == pytest.approx(0.5, abs=1e-3)
+        assert porosity.figures["mean"] == pytest.approx(0.5, abs=1e-3)
 
 
 @pytest.mark.parametrize(

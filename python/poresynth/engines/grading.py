@@ -111,12 +111,12 @@ def follow_map(
         what = "a map"
         raise ParameterError("porosity", what, "must be a number for more than two phases")
     assert request.porosity_map is not None
-    before = phases.phase_of(array) > 0
+    before, free = phases.phase_of(array) > 0, request.free
     graded = grade(
         before,
         request.porosity_map,
         feature_size(phases.phase > 0),
-        free=request.free,
+        free=free,
         domain=request.domain,
         seed=request.seed,
         score=score,
@@ -130,7 +130,7 @@ def follow_map(
                 before[box],
                 graded.solid[box],
                 gray=phases.kind == "gray",
-                keep=None if request.free is None else ~request.free[box],
+                keep=None if free is None else ~free[box],
             )
             channel[cell] = painted[seen_from(cell, box)]
     return graded
@@ -237,7 +237,7 @@ def grade(
     if error > REACHED:
         raise ParameterError(
             "porosity",
-            "a map from {lowest:.3g} to {highest:.3g}".format(**porosity.figures()),
+            "a map from {lowest:.3g} to {highest:.3g}".format(**porosity.figures),
             f"is out of reach for this exemplar: windows of {windows.edge} voxels miss it by "
             f"{100 * error:.1f} % on average; take one that varies more slowly or less",
         )

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from poresynth.engines.cells import Box
 from poresynth.engines.interpolation import interpolated
 from poresynth.errors import ParameterError
 from poresynth.volume import Volume
@@ -18,7 +20,6 @@ PorosityLike = float | Volume | npt.ArrayLike | Callable[..., npt.ArrayLike]
 """Pore fraction: a number; a map of the output's shape or coarser; or a function that takes the
 coordinates z, y, x of the voxels' centres, arrays that broadcast, in the unit of the voxel size."""
 
-Box = tuple[slice, slice, slice]
 _Floats = npt.NDArray[np.float32]
 
 
@@ -50,14 +51,21 @@ class PorosityMap:
         z, y, x = (part.stop - part.start for part in box)
         return PorosityMap(at, (z, y, x))
 
+    @cached_property
     def figures(self) -> dict[str, float]:
-        """Return the ``lowest`` value, the ``highest`` and the ``mean``."""
-        depth, *others = (slice(0, n) for n in self.shape)
-        y, x = others
-        planes = [self.at((slice(z, z + 1), y, x)) for z in range(depth.stop)]
-        lowest, highest = min(map(np.min, planes)), max(map(np.max, planes))
-        mean = np.mean([plane.mean(dtype=np.float64) for plane in planes])
-        return {"lowest": float(lowest), "highest": float(highest), "mean": float(mean)}
+        """The ``lowest`` value, the ``highest`` and the ``mean``."""
+        depth, *edges = self.shape
+        y, x = (slice(0, n) for n in edges)
+        found = []
+        for z in range(depth):  # A plane at a time: the whole may not fit into memory.
+            plane = self.at((slice(z, z + 1), y, x))
+            found.append((plane.min(), plane.max(), plane.mean(dtype=np.float64)))
+        lowest, highest, mean = np.array(found).T
+        return {
+            "lowest": float(lowest.min()),
+            "highest": float(highest.max()),
+            "mean": float(mean.mean()),
+        }
 
 
 def as_porosity(
@@ -124,7 +132,7 @@ def _of_function(
 
 
 def _checked(found: PorosityMap) -> PorosityMap:
-    figures = found.figures()
+    figures = found.figures
     if not (figures["lowest"] > 0 and figures["highest"] < 1):
         what = "map from {lowest:.3g} to {highest:.3g}".format(**figures)
         raise ParameterError("porosity", what, "must be above 0 and below 1 everywhere")

@@ -176,7 +176,7 @@ class Request:
             "porosity": self.porosity,
         }
         if self.porosity_map is not None:
-            made["porosity_map"] = self.porosity_map.figures()
+            made["porosity_map"] = self.porosity_map.figures
         return made
 
 
