@@ -65,8 +65,11 @@ pub(super) fn fill(
             break;
         }
     }
-    for ((z, y, x), out) in out.indexed_iter_mut() {
-        *out = tile.painted[(z * TILE + y) * TILE + x];
+    for (z, mut plane) in out.outer_iter_mut().enumerate() {
+        for (y, mut row) in plane.outer_iter_mut().enumerate() {
+            let painted = &tile.painted[(z * TILE + y) * TILE..];
+            row.iter_mut().zip(painted).for_each(|(out, &painted)| *out = painted);
+        }
     }
     Ok(())
 }
@@ -109,21 +112,28 @@ impl Tile {
     /// one came before, or one that has the same voxels did.
     fn paint(&mut self, placed: &Placed, space: &Space) {
         let size = space.size.map(|edge| edge as f32);
-        let [depths, heights] = extents(&placed.ball, size);
-        let mut planes = self.planes & span(placed.at[0], depths);
-        let heights = span(placed.at[1], heights);
+        let extents = extents(&placed.ball, size);
+        let [depths, heights, widths] = [0, 1, 2].map(|i| span(placed.at[i], extents[i]));
+        let mut planes = self.planes & depths;
         let diameter = space.diameter(placed.ball.rank);
         while planes != 0 {
             let z = planes.trailing_zeros() as usize;
             planes &= planes - 1;
             let rows = self.rows[z] & heights;
             if rows != 0 {
-                self.paint_plane(placed, diameter, size, z, rows);
+                self.paint_plane(placed, diameter, size, z, [rows, widths]);
             }
         }
     }
 
-    fn paint_plane(&mut self, placed: &Placed, diameter: f32, size: [f32; 3], z: usize, rows: u64) {
+    fn paint_plane(
+        &mut self,
+        placed: &Placed,
+        diameter: f32,
+        size: [f32; 3],
+        z: usize,
+        [rows, widths]: [u64; 2],
+    ) {
         let Placed { at, ball } = *placed;
         let [step_z, step_y, step_x] = ball.step.map(i32::from);
         let dz = z as i32 - at[0];
@@ -131,6 +141,7 @@ impl Tile {
             own: ball.reach - square(dz, size[0]),
             other: ball.neighbour - square(dz - step_z, size[0]),
             at: [at[2], at[2] + step_x],
+            widths,
             size: [size[1], size[2], size[2].recip()],
         };
         let (first, last) = (rows.trailing_zeros(), u64::BITS - rows.leading_zeros());
@@ -171,9 +182,9 @@ fn span(at: i32, (low, high): (i32, i32)) -> u64 {
     if low > high { 0 } else { (u64::MAX << low) & (u64::MAX >> (last - high)) }
 }
 
-/// The first and the last step along z and y from the middle of a ball to what does not lie in its
+/// The first and the last step along each axis from the middle of a ball to what does not lie in its
 /// neighbour's ball.
-fn extents(ball: &Ball, size: [f32; 3]) -> [(i32, i32); 2] {
+fn extents(ball: &Ball, size: [f32; 3]) -> [(i32, i32); 3] {
     let radius = ball.reach.sqrt();
     let slack = 1e-3 * (1.0 + radius);
     // Truncation is towards the middle, by less than a step.
@@ -181,7 +192,7 @@ fn extents(ball: &Ball, size: [f32; 3]) -> [(i32, i32); 2] {
         (((low - slack) / size[axis]) as i32, ((high + slack) / size[axis]) as i32)
     };
     if ball.neighbour <= 0.0 {
-        return [0, 1].map(|axis| steps(-radius, radius, axis));
+        return [0, 1, 2].map(|axis| steps(-radius, radius, axis));
     }
     // What is left lies in the cap that begins so far out in the direction away from the neighbour:
     // it ends at its rim, or where the ball does if that is in the cap.
@@ -190,7 +201,7 @@ fn extents(ball: &Ball, size: [f32; 3]) -> [(i32, i32); 2] {
     let length = square.sqrt();
     let begins = (ball.neighbour - square - ball.reach) / (2.0 * length);
     let rim = (ball.reach - begins * begins).max(0.0);
-    [0, 1].map(|axis| {
+    [0, 1, 2].map(|axis| {
         let cosine = away[axis] / length;
         let rim = (rim * (1.0 - cosine * cosine).max(0.0)).sqrt();
         let low = if -radius * cosine < begins { begins * cosine - rim } else { -radius };
@@ -206,6 +217,8 @@ struct Slice {
     other: f32,
     /// Where either middle is along x.
     at: [i32; 2],
+    /// Where what lies in the ball and not in its neighbour's may be along x, as bits.
+    widths: u64,
     /// Edges of a voxel along y and x, and one by the last.
     size: [f32; 3],
 }
@@ -214,7 +227,15 @@ struct Slice {
 /// there are none. `dy` are the steps from either middle to the first row.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl+avx512dq", "x86_64+avx2"))]
 fn find_hits(slice: &Slice, dy: [i32; 2], words: &[u64; LANES], hits: &mut [u64; LANES]) -> bool {
+    // Most often no one waits there, which is seen sooner than the balls are.
     let mut any = 0;
+    for word in words {
+        any |= word & slice.widths;
+    }
+    if any == 0 {
+        return false;
+    }
+    any = 0;
     for i in 0..LANES {
         let own = row_of(slice.own, dy[0] + i as i32, slice.at[0], slice.size);
         let other = row_of(slice.other, dy[1] + i as i32, slice.at[1], slice.size);
