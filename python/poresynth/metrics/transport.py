@@ -162,11 +162,12 @@ def effective_diffusivity(
     -----
     Laplace's equation by finite differences (7 points) on the percolating pore voxels; voxels that
     share only an edge or a corner are not connected, as is usual (TauFactor, PuMa). It is solved by
-    conjugate gradients in double precision, preconditioned with a multigrid cycle. Without solid
+    conjugate gradients, preconditioned with a multigrid cycle; the residual is kept in double
+    precision, and of the concentration only its energy and its fluxes. Without solid
     the result is exactly 1. What limits it is resolution: stairs of voxels conduct less than the
     surface that they stand for, by 4.7 % between spheres 18 voxels across that are 40 % of the
-    volume, by 2.6 % for 37 voxels, and so on with the voxel. Peak memory: 9 bytes a voxel and 190
-    bytes a percolating voxel.
+    volume, by 2.6 % for 37 voxels, and so on with the voxel. Peak memory: 5 bytes a voxel (9
+    with a periodic boundary) or, if that is more, 48 bytes a percolating voxel.
 
     See Also
     --------
@@ -256,7 +257,8 @@ def permeability(
     h³ / 12 for every whole h. Elsewhere a stair of voxels is not the wall that it stands for. By
     the exact values: square ducts of 1, 4, 8 voxels 1.19, 1.06, 1.02; tubes of the radius 3, 6, 10,
     20 within ±26, 6, 2, 1 %; simple cubic arrays of spheres in cells of 16, 32, 48 voxels within
-    11, 4, 2 %. Peak memory: 9 bytes a voxel and 350 bytes a percolating voxel.
+    11, 4, 2 %. Peak memory: 5 bytes a voxel (9 with a periodic boundary) or, if that is more, 145
+    bytes a percolating voxel.
 
     See Also
     --------

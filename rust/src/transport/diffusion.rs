@@ -4,14 +4,18 @@
 //! With an open boundary the first and the last face of axis 0 are held at two concentrations, half
 //! a voxel from the first centres, and nothing passes the other faces; with a periodic one the
 //! concentration falls evenly from volume to volume. What is solved for is the deviation χ from the
-//! even fall, by conjugate gradients with a multigrid cycle.
+//! even fall, by conjugate gradients with a multigrid cycle. χ is not kept: what is asked of it, the
+//! dissipated energy and the fluxes through the planes, follows from what each iteration adds.
 
+use std::ops::Range;
+
+use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::Settings;
-use super::multigrid::{Graph, Multigrid};
-use super::pore::{PoreSpace, side};
-use super::vectors::{dot, for_chunks, sum};
+use super::finest::Cycle;
+use super::links::{self, Conductances, outflow, shared, with_outflow};
+use super::pore::PoreSpace;
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::volume::{Boundary, voxels};
@@ -32,7 +36,7 @@ pub struct Diffusion {
 
 /// Solves for the diffusion along axis 0.
 ///
-/// Peak memory: 160 bytes a percolating voxel besides the pore space.
+/// Peak memory: 40 bytes a percolating voxel besides the pore space.
 pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) -> Result<Diffusion> {
     if space.is_empty() {
         return Ok(Diffusion {
@@ -42,65 +46,71 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
             iterations: 0,
         });
     }
-    let problem = Problem::new(space, settings);
-    let mut multigrid =
-        Multigrid::new(problem.graph(monitor)?, &space.positions, space.shape, monitor)?;
-
-    let n = space.len();
-    let mut chi = vec![0.0f64; n];
-    let mut residual: Vec<f64> = (0..n).into_par_iter().map(|i| problem.source(i)).collect();
-    let mut direction = vec![0.0f64; n];
-    let mut image = vec![0.0f64; n];
+    let mut cycle = Cycle::new(Problem::new(space, settings, monitor), monitor)?;
+    let mut fluxes = cycle.links.fluxes(1.0, |_| 0.0);
+    let mut energy = cycle.links.even_energy(&fluxes);
+    let mut residual = cycle.links.sources(monitor);
+    let mut direction = vec![0.0f32; space.len()];
     let (mut before, mut first) = (0.0, None);
     let mut iterations = 0;
     let error = loop {
         monitor.check()?;
-        let scale = dot(&residual, &residual).sqrt();
-        if scale == 0.0 {
+        let square =
+            space.sum(|rows| residual[space.voxels_of(rows.clone())].iter().map(|r| r * r).sum());
+        if square == 0.0 {
             break 0.0;
         }
         // Single precision has no room for residuals of any size.
-        let scale_down = |first: usize, right: &mut [f32]| {
-            for (right, r) in right.iter_mut().zip(&residual[first..]) {
-                *right = (r / scale) as f32;
-            }
+        let scale = square.sqrt();
+        cycle.run(|voxel| (residual[voxel] / scale) as f32, monitor);
+        let down = |vector: &[f32]| {
+            space.sum(|rows| {
+                let voxels = space.voxels_of(rows.clone());
+                let pairs = vector[voxels.clone()].iter().zip(&residual[voxels]);
+                pairs.map(|(&v, r)| f64::from(v) * r).sum()
+            })
         };
-        let preconditioned = multigrid.cycle(scale_down, monitor);
-        let product = scale
-            * sum(n, |range| {
-                let pairs = residual[range.clone()].iter().zip(&preconditioned[range]);
-                pairs.map(|(r, &z)| r * f64::from(z)).sum()
-            });
+        let product = scale * down(&cycle.solution);
         // product ≈ |error|² in the energy norm.
-        let error = (product / problem.energy(&chi)).sqrt();
+        let error = (product / energy).sqrt();
         report(monitor, error, *first.get_or_insert(error), settings.tolerance);
         if error <= settings.tolerance || iterations == settings.iterations {
             break error;
         }
         let ratio = if iterations == 0 { 0.0 } else { product / before };
-        for_chunks(&mut direction, monitor, |first, direction| {
-            for (d, &z) in direction.iter_mut().zip(&preconditioned[first..]) {
-                *d = scale * f64::from(z) + ratio * *d;
+        space.for_parts(&mut direction, monitor, |_, first, direction| {
+            for (d, &z) in direction.iter_mut().zip(&cycle.solution[first..]) {
+                *d = (scale * f64::from(z) + ratio * f64::from(*d)) as f32;
             }
         });
-        for_chunks(&mut image, monitor, |first, image| {
-            for (i, image) in image.iter_mut().enumerate() {
-                *image = problem.apply(first + i, &direction);
-            }
-        });
-        let curvature = dot(&direction, &image);
+        // The direction has been rounded: what follows is exact for it as it is.
+        let (slope, curvature) = (down(&direction), cycle.links.energy(&direction));
         if curvature <= 0.0 {
             break error;
         }
-        let length = product / curvature;
-        add(&mut chi, length, &direction, monitor);
-        add(&mut residual, -length, &image, monitor);
+        let length = slope / curvature;
+        energy -= length * slope;
+        let added = cycle.links.fluxes(0.0, |voxel| f64::from(direction[voxel]));
+        for (flux, added) in fluxes.iter_mut().zip(added) {
+            *flux += length * added;
+        }
+        with_outflow(
+            &cycle.links,
+            &mut residual,
+            &direction,
+            monitor,
+            |_, outflow, _, residual| {
+                for (r, outflow) in residual.iter_mut().zip(outflow) {
+                    *r -= length * outflow;
+                }
+            },
+        );
         before = product;
         iterations += 1;
     };
     Ok(Diffusion {
-        diffusivity: problem.energy(&chi) / (voxels(space.shape) as f64 * problem.weights[0]),
-        flux_mismatch: problem.flux_mismatch(&chi),
+        diffusivity: energy / (voxels(space.shape) as f64 * cycle.links.weights[0]),
+        flux_mismatch: mismatch(&fluxes),
         residual: error,
         iterations,
     })
@@ -113,127 +123,144 @@ pub(super) fn report(monitor: &Monitor<'_>, error: f64, first: f64, tolerance: f
     monitor.report("solving", done.clamp(0.0, 1.0));
 }
 
-fn add(values: &mut [f64], factor: f64, other: &[f64], monitor: &Monitor<'_>) {
-    for_chunks(values, monitor, |first, values| {
-        for (value, other) in values.iter_mut().zip(&other[first..]) {
-            *value += factor * other;
-        }
-    });
+/// Largest less smallest flux through the planes, by their mean.
+pub(super) fn mismatch(fluxes: &[f64]) -> f64 {
+    let mean = fluxes.iter().sum::<f64>() / fluxes.len() as f64;
+    let low = fluxes.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = fluxes.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if mean > 0.0 { (high - low) / mean } else { 0.0 }
 }
 
 /// The system of equations, for a fall of 1 from plane to plane.
 struct Problem<'a> {
     space: &'a PoreSpace,
-    none: u32,
     /// Conductance between neighbours along each axis.
     weights: [f64; 3],
-    open: bool,
+    /// How many links each voxel has along the axes: in bits 0 to 2, one to inlet or outlet counting
+    /// as two, bits 3 and 4, and the rest.
+    degrees: Vec<u8>,
+}
+
+impl Conductances for Problem<'_> {
+    fn space(&self) -> &PoreSpace {
+        self.space
+    }
+
+    fn gather(&self, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f64>) {
+        gather(self, rows, values, inflow);
+    }
+
+    #[inline(always)]
+    fn after(&self, axis: usize, _: usize) -> f64 {
+        self.weights[axis]
+    }
+
+    // Half a voxel away.
+    #[inline(always)]
+    fn inlet(&self, _: usize) -> f64 {
+        2.0 * self.weights[0]
+    }
+
+    #[inline(always)]
+    fn outlet(&self, _: usize) -> f64 {
+        2.0 * self.weights[0]
+    }
+
+    #[inline(always)]
+    fn diagonal(&self, voxel: usize) -> f64 {
+        let degree = self.degrees[voxel];
+        let counts = [degree & 7, degree >> 3 & 3, degree >> 5].map(f64::from);
+        counts.iter().zip(&self.weights).map(|(count, weight)| count * weight).sum()
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+popcnt"))]
+fn gather(problem: &Problem<'_>, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f64>) {
+    links::gather(problem, rows, values, inflow);
 }
 
 impl<'a> Problem<'a> {
-    fn new(space: &'a PoreSpace, settings: &Settings) -> Self {
+    fn new(space: &'a PoreSpace, settings: &Settings, monitor: &Monitor<'_>) -> Self {
+        // Links are counted as conductances that do not add up to each other.
+        let counted = Self { space, weights: [1.0, 8.0, 32.0], degrees: Vec::new() };
+        let degrees = links::diagonals(&counted, |sum| sum as u8, monitor);
         let [h, ..] = settings.spacing;
-        Self {
-            space,
-            none: space.len() as u32,
-            weights: settings.spacing.map(|s| (h / s).powi(2)),
-            open: space.boundary == Boundary::Open,
-        }
+        Self { degrees, weights: settings.spacing.map(|s| (h / s).powi(2)), ..counted }
     }
 
-    /// Whether a side of a voxel is the inlet or the outlet.
-    fn is_held(&self, voxel: usize, side: usize) -> bool {
-        side < 2 && self.open && self.space.at_border(voxel, side)
-    }
-
-    /// Conductance from a voxel to the inlet and the outlet, half a voxel away.
-    fn ground(&self, voxel: usize) -> f64 {
-        let held = (0..2).filter(|&side| self.is_held(voxel, side)).count();
-        2.0 * self.weights[0] * held as f64
-    }
-
-    /// What flows to a voxel when χ is 0.
-    fn source(&self, voxel: usize) -> f64 {
-        let [inflow, outflow] = [0, 1].map(|side| {
-            let linked = self.space.neighbours[voxel][side] != self.none;
-            if linked || self.is_held(voxel, side) { self.weights[0] } else { 0.0 }
+    /// What flows to each voxel when χ is 0.
+    fn sources(&self, monitor: &Monitor<'_>) -> Vec<f64> {
+        let space = self.space;
+        let mut sources = vec![0.0; space.len()];
+        space.for_parts(&mut sources, monitor, |rows, first, sources| {
+            for (after, flow) in [(false, self.weights[0]), (true, -self.weights[0])] {
+                for row in rows.clone().filter(|&row| space.open_ends(row)[usize::from(after)]) {
+                    let voxels = space.voxels_of(row..row + 1);
+                    let all = &mut sources[voxels.start - first..voxels.end - first];
+                    for source in all {
+                        *source += flow;
+                    }
+                }
+                for (piece, beside) in space.beside(rows.clone(), 0, after) {
+                    let others = space.bits_of(beside..beside + piece.len());
+                    for (voxel, _, length) in shared(space.bits_of(piece), others) {
+                        for source in &mut sources[voxel - first..][..length] {
+                            *source += flow;
+                        }
+                    }
+                }
+            }
         });
-        inflow - outflow
+        sources
     }
 
-    /// Row of the matrix times χ.
-    fn apply(&self, voxel: usize, chi: &[f64]) -> f64 {
-        let own = chi[voxel];
-        let mut sum = self.ground(voxel) * own;
-        for (side, &other) in self.space.neighbours[voxel].iter().enumerate() {
-            if other != self.none {
-                sum += self.weights[side / 2] * (own - chi[other as usize]);
-            }
-        }
-        sum
-    }
-
-    /// Flux · fall over the links after a voxel, and over its link to the inlet.
-    fn energy(&self, chi: &[f64]) -> f64 {
-        sum(chi.len(), |range| {
-            range
-                .map(|voxel| {
-                    let own = chi[voxel];
-                    let mut sum = 0.0;
-                    for axis in 0..3 {
-                        let other = self.space.neighbours[voxel][side(axis, 1)];
-                        if other != self.none {
-                            let fall = if axis == 0 { 1.0 } else { 0.0 };
-                            sum += self.weights[axis] * (own - chi[other as usize] + fall).powi(2);
-                        }
+    /// Fluxes through the inlet, between the planes and through the outlet; with a periodic boundary
+    /// behind each plane. `fall` is the even fall from plane to plane, `chi` what is beside it.
+    fn fluxes(&self, fall: f64, chi: impl Fn(usize) -> f64 + Sync) -> Vec<f64> {
+        let [n0, n1, _] = self.space.shape;
+        let of_row = |row: usize| {
+            let space = self.space;
+            let weight = self.weights[0];
+            let ends = space.open_ends(row);
+            let voxels = || space.voxels_of(row..row + 1);
+            let inlet = if ends[0] { voxels().map(|v| fall - 2.0 * chi(v)).sum() } else { 0.0 };
+            let mut between: f64 =
+                if ends[1] { voxels().map(|v| fall + 2.0 * chi(v)).sum() } else { 0.0 };
+            if let Some(next) = space.row_beside(row, 0, true) {
+                let own = space.bits_of(row..row + 1);
+                for (voxel, other, length) in shared(own, space.bits_of(next..next + 1)) {
+                    for i in 0..length {
+                        between += fall + chi(voxel + i) - chi(other + i);
                     }
-                    for (side, chi) in [own, -own].into_iter().enumerate() {
-                        if self.is_held(voxel, side) {
-                            sum += 2.0 * self.weights[0] * (0.5 - chi).powi(2);
-                        }
-                    }
-                    sum
-                })
-                .sum()
-        })
-    }
-
-    /// Spread of the fluxes through the planes between voxels, by their mean.
-    fn flux_mismatch(&self, chi: &[f64]) -> f64 {
-        let planes = self.space.shape[0];
-        let mut fluxes = vec![0.0; planes + 1];
-        for (voxel, &own) in chi.iter().enumerate() {
-            let plane = self.space.plane(voxel);
-            let next = self.space.neighbours[voxel][side(0, 1)];
-            if next != self.none {
-                fluxes[plane + 1] += self.weights[0] * (1.0 + own - chi[next as usize]);
+                }
             }
-            if self.is_held(voxel, 0) {
-                fluxes[0] += self.weights[0] * (1.0 - 2.0 * own);
-            }
-            if self.is_held(voxel, 1) {
-                fluxes[planes] += self.weights[0] * (1.0 + 2.0 * own);
-            }
-        }
-        let fluxes = if self.open { &fluxes[..] } else { &fluxes[1..] };
-        let mean = fluxes.iter().sum::<f64>() / fluxes.len() as f64;
-        let [low, high] = [f64::min, f64::max].map(|f| fluxes.iter().copied().reduce(f));
-        match (low, high) {
-            (Some(low), Some(high)) if mean > 0.0 => (high - low) / mean,
-            _ => 0.0,
-        }
-    }
-
-    fn graph(&self, monitor: &Monitor<'_>) -> Result<Graph> {
-        let ground = (0..self.space.len()).into_par_iter().map(|i| self.ground(i) as f32).collect();
-        let each = |voxel: usize, links: &mut Vec<(u32, f32)>| {
-            let sides = self.space.neighbours[voxel].iter().enumerate();
-            links.extend(
-                sides
-                    .filter(|(_, other)| **other != self.none && **other as usize != voxel)
-                    .map(|(side, &other)| (other, self.weights[side / 2] as f32)),
-            );
+            [weight * inlet, weight * between]
         };
-        Graph::new(ground, each, monitor)
+        let rows: Vec<[f64; 2]> = (0..n0 * n1).into_par_iter().map(of_row).collect();
+        let mut fluxes = Vec::with_capacity(n0 + 1);
+        if self.space.boundary == Boundary::Open {
+            fluxes.push(rows[..n1].iter().map(|row| row[0]).sum());
+        }
+        fluxes.extend(rows.chunks(n1).map(|plane| plane.iter().map(|row| row[1]).sum::<f64>()));
+        fluxes
+    }
+
+    /// Energy that the even fall dissipates, flux · fall: over half a step at inlet and outlet.
+    fn even_energy(&self, fluxes: &[f64]) -> f64 {
+        let ends = match self.space.boundary {
+            Boundary::Open => fluxes[0] + fluxes[fluxes.len() - 1],
+            Boundary::Periodic => 0.0,
+        };
+        fluxes.iter().sum::<f64>() - 0.5 * ends
+    }
+
+    /// χᵀ A χ.
+    fn energy(&self, chi: &[f32]) -> f64 {
+        self.space.sum(|rows| {
+            let mut flow = Vec::new();
+            outflow(self, rows.clone(), chi, &mut flow);
+            let own = &chi[self.space.voxels_of(rows)];
+            own.iter().zip(&flow).map(|(&own, flow)| f64::from(own) * flow).sum()
+        })
     }
 }

@@ -1,13 +1,19 @@
 //! Transport through the pore space: diffusion and creeping flow.
 //!
 //! [`pore::PoreSpace`] numbers the voxels that carry a flow from face to face and says which touch;
-//! [`diffusion`] and [`stokes`] solve for what flows there, helped by [`multigrid`]. The flow goes
-//! along axis 0 of the views: callers permute the axes.
+//! [`links`] is how well they conduct. [`diffusion`] and [`stokes`] solve for what flows there, helped
+//! by a multigrid cycle, [`finest`] and [`multigrid`]. The flow goes along axis 0 of the views: callers
+//! permute the axes. No solution is kept, only what is asked of it, and nothing that follows from the
+//! bits of the pore space: memory is what limits the volumes that can be solved.
 
+mod chebyshev;
 pub mod diffusion;
+mod finest;
+mod links;
 mod multigrid;
 pub mod pore;
 pub mod stokes;
+
 mod vectors;
 
 /// How to measure.

@@ -1,8 +1,11 @@
 //! The part of a pore space that carries a flow from face to face.
 
+use std::ops::Range;
+
 use ndarray::ArrayView3;
 use rayon::prelude::*;
 
+use crate::bits::WORD;
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 use crate::volume::{Boundary, Shape, index, position, voxels};
@@ -10,35 +13,43 @@ use crate::volume::{Boundary, Shape, index, position, voxels};
 /// Voxels of a search after which it looks whether it is to stop.
 const PATIENCE: usize = 1 << 16;
 
-/// Neighbours of a voxel that share a face with it: before and after it along axes 0, 1, 2.
-pub type Neighbours = [u32; 6];
-
-/// The side before (0) or after (1) along an axis, as a place in [`Neighbours`].
-pub const fn side(axis: usize, after: usize) -> usize {
-    2 * axis + after
-}
+/// Voxels that one thread handles at a time: what is gathered for them stays in its cache.
+pub(super) const PART: usize = 1 << 12;
 
 /// The voxels of the components that percolate along axis 0, numbered in C order.
 ///
 /// With an open boundary a component percolates if it touches the first and the last plane; with a
-/// periodic one if it comes back to itself shifted by the volume.
+/// periodic one if it comes back to itself shifted by the volume. Kept are a bit a voxel and a
+/// number a word of bits, from which the neighbours of a voxel follow.
 pub struct PoreSpace {
     /// Edges of the volume.
     pub shape: Shape,
     /// What lies beyond its faces.
     pub boundary: Boundary,
-    /// Where each voxel is in the volume, in C order.
-    pub positions: Vec<u32>,
-    /// The voxels that touch each voxel; `positions.len()` where there is none.
-    pub neighbours: Vec<Neighbours>,
     /// Voxels of the whole pore, percolating or not.
     pub pore: usize,
+    /// The percolating voxels, rows of whole words.
+    words: Vec<u64>,
+    /// The number of the first voxel of each word, and of one more.
+    firsts: Vec<u32>,
+    /// Rows in parts of some [`PART`] voxels, which one thread handles at a time: sums are made of
+    /// parts, so that they are part of a result.
+    parts: Vec<Range<usize>>,
+}
+
+/// Rows: percolating voxels, bit by bit, and the number of the first of each word.
+#[derive(Clone, Copy)]
+pub(super) struct Rows<'a> {
+    pub words: &'a [u64],
+    pub firsts: &'a [u32],
+    /// Words a row, if rows fill their last words: else no bit has a next one in the next row.
+    pub full: Option<usize>,
 }
 
 impl PoreSpace {
     /// Finds the percolating part of the voxels that are not solid.
     ///
-    /// Peak memory: 9 bytes a voxel, 28 a percolating one.
+    /// Peak memory: 5 bytes a voxel, 9 with a periodic boundary; then 1.5 bits a voxel.
     pub fn new(
         solid: ArrayView3<'_, bool>,
         boundary: Boundary,
@@ -46,74 +57,203 @@ impl PoreSpace {
     ) -> Result<Self> {
         let (n0, n1, n2) = solid.dim();
         let shape = [n0, n1, n2];
-        // One number more marks that there is no neighbour, one plane more the inlet of a flow.
+        // One plane more is the inlet of a flow, one number more no voxel at all.
         if u32::try_from(voxels(shape) + n1 * n2 + 1).is_err() {
             return Err(Error::parameter("shape", shape, "must have less than 2^32 voxels"));
         }
-        let mut numbers: Vec<u32> = Vec::with_capacity(voxels(shape));
+        let mut states: Vec<u8> = Vec::with_capacity(voxels(shape));
         for plane in solid.outer_iter() {
             monitor.check()?;
-            numbers.extend(plane.iter().map(|&s| if s { SOLID } else { PORE }));
+            states.extend(plane.iter().map(|&s| if s { SOLID } else { PORE }));
         }
-        let pore = numbers.par_iter().filter(|&&n| n == PORE).count();
-        mark_percolating(&mut numbers, shape, boundary, monitor)?;
-        let mut positions = Vec::new();
-        for (at, number) in numbers.iter_mut().enumerate() {
-            if at.is_multiple_of(PATIENCE) {
-                monitor.check()?;
+        let pore = states.par_iter().filter(|&&n| n == PORE).count();
+        mark_percolating(&mut states, shape, boundary, monitor)?;
+        let per_row = n2.div_ceil(WORD);
+        let mut words = vec![0u64; n0 * n1 * per_row];
+        let rows = words.par_chunks_mut(per_row.max(1)).zip(states.par_chunks(n2.max(1)));
+        rows.for_each(|(words, states)| {
+            for (word, states) in words.iter_mut().zip(states.chunks(WORD)) {
+                for (x, &state) in states.iter().enumerate() {
+                    *word |= u64::from(state == FLOWING) << x;
+                }
             }
-            if *number == FLOWING {
-                *number = positions.len() as u32;
-                positions.push(at as u32);
-            } else {
-                *number = u32::MAX;
-            }
-        }
-        let none = positions.len() as u32;
-        let neighbours = positions
-            .par_iter()
-            .map(|&at| {
-                monitor.check()?;
-                let at = position(shape, at as usize);
-                Ok([0, 1, 2, 3, 4, 5].map(|side| {
-                    step(at, side, shape, boundary)
-                        .map_or(none, |(to, _)| numbers[index(shape, to)].min(none))
-                }))
-            })
-            .collect::<Result<Vec<_>>>()?;
-        Ok(Self { shape, boundary, positions, neighbours, pore })
+        });
+        let mut firsts = Vec::with_capacity(words.len() + 1);
+        firsts.push(0);
+        let mut count = 0;
+        firsts.extend(words.iter().map(|word| {
+            count += word.count_ones();
+            count
+        }));
+        let mut space = Self { shape, boundary, pore, words, firsts, parts: Vec::new() };
+        space.parts = parts(space.rows(), PART, |row| space.voxels_of(row..row + 1).len());
+        Ok(space)
     }
 
     /// Number of percolating voxels.
     pub fn len(&self) -> usize {
-        self.positions.len()
+        self.firsts.last().map_or(0, |&count| count as usize)
     }
 
     /// Whether nothing percolates.
     pub fn is_empty(&self) -> bool {
-        self.positions.is_empty()
+        self.len() == 0
     }
 
-    /// The plane along axis 0 that a voxel lies in.
-    pub fn plane(&self, voxel: usize) -> usize {
-        self.positions[voxel] as usize / (self.shape[1] * self.shape[2])
+    /// Number of rows along axis 2.
+    pub(super) fn rows(&self) -> usize {
+        self.shape[0] * self.shape[1]
     }
 
-    /// Whether a side of a voxel is the border of the volume, where the boundary is open.
-    pub fn at_border(&self, voxel: usize, side: usize) -> bool {
-        let at = position(self.shape, self.positions[voxel] as usize)[side / 2];
-        self.boundary == Boundary::Open
-            && at == if side.is_multiple_of(2) { 0 } else { self.shape[side / 2] - 1 }
+    /// The numbers of the voxels of some rows.
+    pub(super) fn voxels_of(&self, rows: Range<usize>) -> Range<usize> {
+        let per_row = self.shape[2].div_ceil(WORD);
+        self.firsts[rows.start * per_row] as usize..self.firsts[rows.end * per_row] as usize
+    }
+
+    /// The voxels of some rows.
+    pub(super) fn bits_of(&self, rows: Range<usize>) -> Rows<'_> {
+        let per_row = self.shape[2].div_ceil(WORD);
+        let words = rows.start * per_row..rows.end * per_row;
+        Rows {
+            words: &self.words[words.clone()],
+            firsts: &self.firsts[words],
+            full: self.shape[2].is_multiple_of(WORD).then_some(per_row),
+        }
+    }
+
+    /// The pieces of some rows that have rows before or after them along axis 0 or 1, in one order:
+    /// the rows of a piece, and the first of those beside them.
+    pub(super) fn beside(
+        &self,
+        rows: Range<usize>,
+        axis: usize,
+        after: bool,
+    ) -> impl Iterator<Item = (Range<usize>, usize)> + '_ {
+        let [_, n1, _] = self.shape;
+        let planes = rows.start / n1..rows.end.div_ceil(n1);
+        planes.flat_map(move |plane| {
+            let own = rows.start.max(plane * n1)..rows.end.min((plane + 1) * n1);
+            // Along axis 1 the row at the end has another beside it than the others' next one.
+            let cut = match (axis, after) {
+                (0, _) => own.start,
+                (_, false) => own.start.max(plane * n1 + 1).min(own.end),
+                (_, true) => own.end.min((plane + 1) * n1 - 1).max(own.start),
+            };
+            let pieces = [own.start..cut, cut..own.end];
+            pieces.into_iter().filter(|piece| !piece.is_empty()).filter_map(move |piece| {
+                let beside = self.row_beside(piece.start, axis, after)?;
+                Some((piece, beside))
+            })
+        })
+    }
+
+    /// The row before or after one along axis 0 or 1; none beyond an open border. Through a periodic
+    /// one it may be the row itself.
+    pub(super) fn row_beside(&self, row: usize, axis: usize, after: bool) -> Option<usize> {
+        let [_, n1, _] = self.shape;
+        let mut at = [row / n1, row % n1];
+        let n = self.shape[axis];
+        at[axis] = self.step(at[axis], n, after)?;
+        Some(at[0] * n1 + at[1])
+    }
+
+    /// The last and the first voxel of a row that a periodic border links; they may be the same.
+    pub(super) fn wrapping(&self, row: usize) -> Option<[usize; 2]> {
+        let (last, first) = (self.number([row, self.shape[2] - 1])?, self.number([row, 0])?);
+        (self.boundary == Boundary::Periodic).then_some([last, first])
+    }
+
+    fn step(&self, at: usize, n: usize, after: bool) -> Option<usize> {
+        if after { self.boundary.after(at, n) } else { self.boundary.before(at, n) }
+    }
+
+    /// Whether the first and the last plane of an open volume are a row's.
+    pub(super) fn open_ends(&self, row: usize) -> [bool; 2] {
+        let plane = row / self.shape[1];
+        let open = self.boundary == Boundary::Open;
+        [open && plane == 0, open && plane + 1 == self.shape[0]]
+    }
+
+    /// The number of the voxel at a place, if it percolates.
+    pub(super) fn number(&self, [row, x]: [usize; 2]) -> Option<usize> {
+        let Rows { words, firsts, .. } = self.bits_of(row..row + 1);
+        let (word, bit) = (x / WORD, 1 << (x % WORD));
+        let below = words[word] & (bit - 1);
+        (words[word] & bit != 0).then(|| firsts[word] as usize + below.count_ones() as usize)
+    }
+
+    /// Where the voxel before or after another along an axis is, if it percolates.
+    pub(super) fn voxel_beside(
+        &self,
+        [row, x]: [usize; 2],
+        axis: usize,
+        after: bool,
+    ) -> Option<[usize; 2]> {
+        let to = match axis {
+            2 => [row, self.step(x, self.shape[2], after)?],
+            _ => [self.row_beside(row, axis, after)?, x],
+        };
+        self.number(to).map(|_| to)
+    }
+
+    /// Calls `work(rows, number of the first voxel, values)` for the parts of a vector of values of
+    /// the voxels.
+    ///
+    /// Once the caller wants to stop, parts are left out; the values are then of no use.
+    pub(super) fn for_parts<T: Send>(
+        &self,
+        values: &mut [T],
+        monitor: &Monitor<'_>,
+        work: impl Fn(Range<usize>, usize, &mut [T]) + Sync,
+    ) {
+        let sizes = self.parts.iter().map(|rows| self.voxels_of(rows.clone()).len());
+        let parts = self.parts.par_iter().zip(cut(values, sizes));
+        parts.for_each(|(rows, values)| {
+            if monitor.check().is_ok() {
+                work(rows.clone(), self.voxels_of(rows.clone()).start, values);
+            }
+        });
+    }
+
+    /// The sum of `term(rows)` over the parts, always added in one order.
+    pub(super) fn sum(&self, term: impl Fn(Range<usize>) -> f64 + Sync) -> f64 {
+        let terms: Vec<f64> = self.parts.par_iter().map(|rows| term(rows.clone())).collect();
+        terms.iter().sum()
     }
 }
 
-/// States of a voxel before it has a number.
-const SOLID: u32 = u32::MAX;
-const PORE: u32 = u32::MAX - 1;
-const FOUND: u32 = u32::MAX - 2;
-const FLOWING: u32 = u32::MAX - 3;
+/// Cuts a slice into pieces of some sizes.
+pub(super) fn cut<T>(mut values: &mut [T], sizes: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
+    let piece = |size| {
+        let (piece, rest) = std::mem::take(&mut values).split_at_mut(size);
+        values = rest;
+        piece
+    };
+    sizes.map(piece).collect()
+}
 
-/// The voxel next to `at`, and by how many volumes the step wraps along axis 0.
+/// Cuts `0..n` into parts of `size` at least, by what each has.
+pub(super) fn parts(n: usize, size: usize, has: impl Fn(usize) -> usize) -> Vec<Range<usize>> {
+    let mut parts = Vec::new();
+    let (mut start, mut held) = (0, 0);
+    for i in 0..n {
+        held += has(i);
+        if held >= size || i + 1 == n {
+            parts.push(start..i + 1);
+            (start, held) = (i + 1, 0);
+        }
+    }
+    parts
+}
+
+/// States of a voxel.
+const SOLID: u8 = 0;
+const PORE: u8 = 1;
+const FOUND: u8 = 2;
+const FLOWING: u8 = 3;
+
+/// The voxel on a side of `at`, before and after it along axes 0, 1, 2, and by how many volumes the step wraps along axis 0.
 fn step(at: Shape, side: usize, shape: Shape, boundary: Boundary) -> Option<(Shape, i32)> {
     let axis = side / 2;
     let mut to = at;
@@ -135,7 +275,7 @@ fn step(at: Shape, side: usize, shape: Shape, boundary: Boundary) -> Option<(Sha
 
 /// Floods every component of [`PORE`] and marks those that percolate as [`FLOWING`].
 fn mark_percolating(
-    states: &mut [u32],
+    states: &mut [u8],
     shape: Shape,
     boundary: Boundary,
     monitor: &Monitor<'_>,

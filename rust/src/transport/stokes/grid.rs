@@ -1,196 +1,123 @@
 //! The staggered grid: which velocities there are, and the operator.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
-use crate::error::Result;
+use super::places::Places;
+use crate::error::{Error, Result};
 use crate::monitor::Monitor;
-use crate::transport::pore::{Neighbours, PoreSpace, side};
-use crate::volume::Boundary;
+use crate::transport::pore::{PoreSpace, cut, parts};
+use crate::transport::vectors::CHUNK;
 
 /// Velocities through the faces after a voxel along axes 0, 1, 2, and the pressure at its centre.
 pub(super) type Unknowns = [f32; 4];
 /// The place of the pressure.
 pub(super) const PRESSURE: usize = 3;
 
-/// Nodes are the voxels of the pore space; with an open boundary, one more plane before the first,
-/// which owns the velocities through the inlet; and a last one of zeros, which stands for every
-/// neighbour that does not exist: gathering without a branch halves the time of a pass. Pressure is held at 0 in that plane and in
-/// the one after the last, half a voxel beyond the volume, as if its end planes went on that far.
-/// The other faces of an open volume are mirrors: nothing passes them, and they do not slow a flow.
+/// Marks that no node touches another on a side.
+const NONE: u16 = u16::MAX;
+
+/// The nodes of [`Places`]; and a last one of zeros, which stands for every neighbour that does not
+/// exist: gathering without a branch halves the time of a pass.
 pub(super) struct Grid<'a> {
     pub space: &'a PoreSpace,
-    /// The nodes that touch each node; the last node where there is none.
-    pub neighbours: Vec<Neighbours>,
+    places: Places<'a>,
+    /// Which node of the row on each side, before and after along axes 0, 1, 2, touches each node.
+    links: Vec<[u16; 6]>,
     /// 1 / diagonal of the viscous operator for the three velocities, 0 where there is no velocity;
     /// then 0 for the pressure.
     pub inverse: Vec<Unknowns>,
     /// 1 / h² along each axis.
     pub weights: [f32; 3],
     /// 1 / h along each axis.
-    pub slopes: [f32; 3],
+    slopes: [f32; 3],
+    /// Rows in parts that one thread handles at a time; sums are made of them.
+    parts: Vec<Range<usize>>,
 }
 
-/// What is beyond a velocity, one step along an axis.
-#[derive(PartialEq, Clone, Copy)]
-enum Beyond {
-    /// Another velocity.
-    Velocity,
-    /// A face that is part of a wall: velocity 0 one step away.
-    Edge,
-    /// A wall between the two places: velocity 0 half a step away.
-    Wall,
-    /// The same velocity.
-    Mirror,
+/// A row of nodes, and the first nodes of the rows on its sides.
+pub(super) struct Row {
+    pub nodes: Range<usize>,
+    firsts: [u32; 6],
 }
 
 impl<'a> Grid<'a> {
     pub fn new(space: &'a PoreSpace, spacing: [f64; 3], monitor: &Monitor<'_>) -> Result<Self> {
-        let open = space.boundary == Boundary::Open;
-        let n = space.len();
-        let plane = space.shape[1] * space.shape[2];
-        let inlet = space.positions.partition_point(|&at| (at as usize) < plane);
-        let total = if open { n + inlet } else { n };
-        let none = total as u32;
-        let mut neighbours: Vec<Neighbours> = Vec::with_capacity(total + 1);
-        neighbours.par_extend(
-            space
-                .neighbours
-                .par_iter()
-                .map(|n6| n6.map(|k| if k as usize == n { none } else { k })),
-        );
-        if open {
-            for voxel in 0..inlet {
-                let ghost = (n + voxel) as u32;
-                // Voxels of the first plane have their neighbours there too.
-                let mut around =
-                    neighbours[voxel].map(|k| if k == none { k } else { k + n as u32 });
-                around[side(0, 0)] = none;
-                around[side(0, 1)] = voxel as u32;
-                neighbours.push(around);
-                neighbours[voxel][side(0, 0)] = ghost;
-            }
+        let [_, _, n2] = space.shape;
+        if n2 > usize::from(NONE) {
+            let allowed = format!("must be at most {NONE} along the last axis for a flow");
+            return Err(Error::parameter("shape", space.shape, allowed));
         }
-        neighbours.push([none; 6]);
+        let places = Places { space };
+        let parts = parts(places.rows(), CHUNK, |row| places.nodes_of(row).len());
         let mut grid = Self {
             space,
-            neighbours,
+            places,
+            links: Vec::new(),
             inverse: Vec::new(),
             weights: spacing.map(|h| (1.0 / h.powi(2)) as f32),
             slopes: spacing.map(|h| (1.0 / h) as f32),
+            parts,
         };
-        grid.inverse = (0..=total)
-            .into_par_iter()
-            .map(|node| {
-                monitor.check()?;
-                Ok([0, 1, 2, PRESSURE].map(|axis| {
-                    let there = axis != PRESSURE && grid.has_velocity(node as u32, axis);
-                    if there { 1.0 / grid.viscous_diagonal(node as u32, axis) } else { 0.0 }
-                }))
-            })
-            .collect::<Result<Vec<_>>>()?;
+        let places = &grid.places;
+        let (mut links, mut inverse) = (vec![[NONE; 6]; grid.len()], vec![[0.0; 4]; grid.len()]);
+        let nodes_of =
+            |row: usize| (0..n2).map(move |x| [row, x]).filter(|&at| places.node(at).is_some());
+        grid.for_rows(&mut links, monitor, |row, sides, links| {
+            for (links, at) in links.iter_mut().zip(nodes_of(row)) {
+                *links = [0, 1, 2, 3, 4, 5].map(|side| {
+                    let to = places.place_beside(at, side / 2, side % 2 == 1);
+                    let node = to.and_then(|to| places.node(to));
+                    node.map_or(NONE, |node| (node - sides.firsts[side] as usize) as u16)
+                });
+            }
+            0.0
+        });
+        let weights = grid.weights;
+        grid.for_rows(&mut inverse, monitor, |row, _, inverse| {
+            for (inverse, at) in inverse.iter_mut().zip(nodes_of(row)) {
+                for axis in (0..3).filter(|&axis| places.has_velocity(at, axis)) {
+                    inverse[axis] = 1.0 / places.viscous_diagonal(at, axis, weights);
+                }
+            }
+            0.0
+        });
+        monitor.check()?;
+        (grid.links, grid.inverse) = (links, inverse);
         Ok(grid)
     }
 
+    /// Number of nodes.
     pub fn len(&self) -> usize {
-        self.neighbours.len()
+        self.places.nodes_of(self.places.rows() - 1).end + 1
     }
 
-    fn none(&self) -> u32 {
-        self.len() as u32 - 1
-    }
-
-    /// Whether the plane of outlet pressure follows a node along axis 0.
-    fn before_outlet(&self, node: u32) -> bool {
-        (node as usize) < self.space.len() && self.space.at_border(node as usize, side(0, 1))
-    }
-
-    /// Whether there is a velocity along an axis through the face after a node.
-    fn has_velocity(&self, node: u32, axis: usize) -> bool {
-        let ghost = node as usize >= self.space.len();
-        self.neighbours[node as usize][side(axis, 1)] != self.none() && !(ghost && axis > 0)
-            || axis == 0 && self.before_outlet(node)
-    }
-
-    /// What is beyond the velocity along `axis` after a node, on one of its sides; and the node
-    /// there.
-    fn beyond(&self, node: u32, axis: usize, to: usize) -> (Beyond, u32) {
-        let none = self.none();
-        let n = self.space.len();
-        let next = self.neighbours[node as usize][to];
-        if to / 2 == axis {
-            // Along the flow of the velocity itself.
-            let end = |ghost: bool| if ghost { Beyond::Mirror } else { Beyond::Edge };
-            let kind = if to.is_multiple_of(2) {
-                if next == none { end(node as usize >= n) } else { Beyond::Velocity }
-            } else if axis == 0 && self.before_outlet(node) {
-                Beyond::Mirror
-            } else if next != none && self.has_velocity(next, axis) {
-                Beyond::Velocity
-            } else {
-                Beyond::Edge
-            };
-            return (kind, next);
+    fn row(&self, row: usize) -> Row {
+        let first = |side: usize| match side / 2 {
+            2 => Some(row),
+            axis => self.places.row_beside(row, axis, side % 2 == 1),
+        };
+        Row {
+            nodes: self.places.nodes_of(row),
+            firsts: [0, 1, 2, 3, 4, 5]
+                .map(|side| first(side).map_or(0, |row| self.places.nodes_of(row).start as u32)),
         }
-        if axis > 0 && to / 2 == 0 && next as usize >= n && next != none {
-            return (Beyond::Mirror, next); // the plane before the inlet
-        }
-        if next == none {
-            let voxel = if node as usize >= n { node as usize - n } else { node as usize };
-            if self.space.at_border(voxel, to) {
-                return (Beyond::Mirror, next);
-            }
-        } else if self.has_velocity(next, axis) {
-            return (Beyond::Velocity, next);
-        }
-        // The voxel on the other side of the face may have a neighbour where this one has none.
-        let across = self.neighbours[node as usize][side(axis, 1)];
-        let both_solid =
-            next == none && (across == none || self.neighbours[across as usize][to] == none);
-        (if both_solid { Beyond::Wall } else { Beyond::Edge }, next)
     }
 
-    fn viscous_diagonal(&self, node: u32, axis: usize) -> f32 {
-        (0..6)
-            .map(|to| {
-                let factor = match self.beyond(node, axis, to).0 {
-                    Beyond::Velocity | Beyond::Edge => 1.0,
-                    Beyond::Mirror => 0.0,
-                    Beyond::Wall => wall_shear(self.width(node, axis, to ^ 1)),
-                };
-                factor * self.weights[to / 2]
-            })
-            .sum()
-    }
-
-    /// How far the opposite wall is from a wall, seen along `to` from a velocity next to it; steps.
-    fn width(&self, mut node: u32, axis: usize, to: usize) -> f32 {
-        let mut width = 1.0;
-        // Beyond this the profile's curvature does not show at the wall.
-        while width < 64.0 {
-            match self.beyond(node, axis, to) {
-                (Beyond::Velocity, next) => node = next,
-                (Beyond::Wall, _) => return width,
-                (Beyond::Edge, _) => return width + 0.5,
-                (Beyond::Mirror, _) => return 2.0 * width,
-            }
-            width += 1.0;
-        }
-        width
-    }
-
-    /// Applies the whole operator at a node.
+    /// Applies the whole operator at a node of a row.
     #[inline(always)]
-    pub fn apply(&self, node: usize, x: &[Unknowns]) -> Unknowns {
-        let around = self.around(node, x);
+    pub fn apply(&self, row: &Row, node: usize, x: &[Unknowns]) -> Unknowns {
+        let around = self.around(row, node, x);
         let own = x[node];
         let mut out = self.viscous(node, own, &around);
         let mut divergence = 0.0;
         for axis in 0..3 {
             let slope = self.slopes[axis];
             if self.inverse[node][axis] > 0.0 {
-                out[axis] += slope * (around[side(axis, 1)][PRESSURE] - own[PRESSURE]);
+                out[axis] += slope * (around[2 * axis + 1][PRESSURE] - own[PRESSURE]);
             }
-            divergence += slope * (around[side(axis, 0)][axis] - own[axis]);
+            divergence += slope * (around[2 * axis][axis] - own[axis]);
         }
         out[PRESSURE] = if node < self.space.len() { divergence } else { 0.0 };
         out
@@ -219,21 +146,75 @@ impl<'a> Grid<'a> {
         sum
     }
 
-    /// The unknowns round a node.
+    /// The unknowns round a node of a row.
     #[inline(always)]
-    pub fn around(&self, node: usize, x: &[Unknowns]) -> [Unknowns; 6] {
+    pub fn around(&self, row: &Row, node: usize, x: &[Unknowns]) -> [Unknowns; 6] {
+        let links = &self.links[node];
+        let none = self.links.len() - 1;
         // Spelled out: `map` is not inlined here, which costs a quarter of the time.
-        let [a, b, c, d, e, f] = self.neighbours[node];
-        let at = |k: u32| x[k as usize];
-        [at(a), at(b), at(c), at(d), at(e), at(f)]
+        let at = |side: usize| {
+            let there = row.firsts[side] as usize + usize::from(links[side]);
+            x[if links[side] == NONE { none } else { there }]
+        };
+        [at(0), at(1), at(2), at(3), at(4), at(5)]
     }
-}
 
-/// Shear at a wall by (velocity half a step away / step): 2, and more for the curvature of the
-/// profile between walls that are `width` steps apart.
-///
-/// With this factor the flow between parallel walls is h²/12 for every whole h. With 2 it is
-/// h²/12 + 1/6: 3 times as much for one voxel, 13 % more for four.
-fn wall_shear(width: f32) -> f32 {
-    2.0 / (1.0 - 2.0 / (3.0 * width))
+    /// uᵀ A u.
+    pub fn energy(&self, values: &[Unknowns]) -> f64 {
+        let of_rows = |rows: &Range<usize>| {
+            let mut sum = 0.0;
+            for row in rows.clone().map(|row| self.row(row)) {
+                for node in row.nodes.clone() {
+                    let own = values[node];
+                    let image = self.viscous(node, own, &self.around(&row, node, values));
+                    sum += (0..4).map(|c| f64::from(own[c] * image[c])).sum::<f64>();
+                }
+            }
+            sum
+        };
+        self.parts.par_iter().map(of_rows).collect::<Vec<_>>().iter().sum()
+    }
+
+    /// The sum of the velocities along axis 0 behind each plane, that before the inlet first.
+    pub fn fluxes(&self, values: &[Unknowns]) -> Vec<f64> {
+        let [n0, n1, _] = self.space.shape;
+        let of_plane = |plane: usize| {
+            let [first, last] = [plane * n1, (plane + 1) * n1 - 1];
+            let nodes = self.places.nodes_of(first).start..self.places.nodes_of(last).end;
+            values[nodes].iter().map(|unknowns| f64::from(unknowns[0])).sum::<f64>()
+        };
+        // The copy of the first plane, if there is one, comes last.
+        let planes = self.places.rows() / n1;
+        (n0..planes).chain(0..n0).collect::<Vec<_>>().into_par_iter().map(of_plane).collect()
+    }
+
+    /// Calls `work(number of a row, the row, its part of `out`)` for each row; returns the sum of what
+    /// it returns, always added in one order.
+    ///
+    /// Once the caller wants to stop, rows are left out; the values are then of no use.
+    pub fn for_rows<T: Send>(
+        &self,
+        out: &mut [T],
+        monitor: &Monitor<'_>,
+        work: impl Fn(usize, &Row, &mut [T]) -> f64 + Sync,
+    ) -> f64 {
+        let nodes = |rows: &Range<usize>| {
+            self.places.nodes_of(rows.start).start..self.places.nodes_of(rows.end - 1).end
+        };
+        let sizes = self.parts.iter().map(|rows| nodes(rows).len());
+        let parts = self.parts.par_iter().zip(cut(out, sizes));
+        let each = parts.map(|(rows, mut out)| {
+            let mut sum = 0.0;
+            if monitor.check().is_ok() {
+                for number in rows.clone() {
+                    let row = self.row(number);
+                    let (own, rest) = out.split_at_mut(row.nodes.len());
+                    sum += work(number, &row, own);
+                    out = rest;
+                }
+            }
+            sum
+        });
+        each.collect::<Vec<_>>().iter().sum()
+    }
 }

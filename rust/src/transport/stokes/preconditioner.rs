@@ -6,13 +6,18 @@
 //! inverse is taken as the sum of both inverses (after Cahouet and Chabard 1988), the second by a
 //! multigrid cycle.
 
-use rayon::prelude::*;
+use std::ops::Range;
+
+use multiversion::multiversion;
 
 use super::grid::{Grid, PRESSURE, Unknowns};
 use crate::error::Result;
 use crate::monitor::Monitor;
-use crate::transport::multigrid::{Graph, Multigrid};
-use crate::transport::vectors::{dot, for_chunks, for_chunks_of_two};
+use crate::transport::chebyshev;
+use crate::transport::finest::Cycle;
+use crate::transport::links::{self, Conductances};
+use crate::transport::pore::PoreSpace;
+use crate::transport::vectors::{for_chunks, sum};
 
 /// Relative residual of K: more exact does not save iterations.
 const CONDUCTANCE_TOLERANCE: f64 = 0.02;
@@ -25,18 +30,16 @@ const DEGREE: usize = 8;
 /// to 14 and from 0.01 to 0.1 the time to a solution changes by less than a quarter for a sandstone.
 const EIGENVALUES: [f32; 2] = [0.02, 2.0];
 
-pub(super) struct Preconditioner {
-    multigrid: Multigrid,
-    step: Vec<Unknowns>,
+pub(super) struct Preconditioner<'a> {
+    pressures: Cycle<Darcy<'a>>,
     other: Vec<Unknowns>,
 }
 
-impl Preconditioner {
-    pub fn new(grid: &Grid<'_>, monitor: &Monitor<'_>) -> Result<Self> {
-        let graph = darcy(grid, &conductances(grid, monitor)?, monitor)?;
-        let multigrid = Multigrid::new(graph, &grid.space.positions, grid.space.shape, monitor)?;
-        let room = vec![[0.0; 4]; grid.len()];
-        Ok(Self { multigrid, step: room.clone(), other: room })
+impl<'a> Preconditioner<'a> {
+    pub fn new(grid: &Grid<'a>, monitor: &Monitor<'_>) -> Result<Self> {
+        let pressures =
+            Cycle::new(Darcy::new(grid, &conductances(grid, monitor)?, monitor), monitor)?;
+        Ok(Self { pressures, other: vec![[0.0; 4]; grid.len()] })
     }
 
     /// z ← P⁻¹ r.
@@ -48,12 +51,8 @@ impl Preconditioner {
         monitor: &Monitor<'_>,
     ) {
         self.velocities(grid, r, z, monitor);
-        let pick = |first: usize, right: &mut [f32]| {
-            for (right, r) in right.iter_mut().zip(&r[first..]) {
-                *right = r[PRESSURE];
-            }
-        };
-        let pressures = self.multigrid.cycle(pick, monitor);
+        self.pressures.run(|voxel| r[voxel][PRESSURE], monitor);
+        let pressures = &self.pressures.solution;
         for_chunks(&mut z[..pressures.len()], monitor, |first, z| {
             for (i, z) in z.iter_mut().enumerate() {
                 z[PRESSURE] = r[first + i][PRESSURE] + pressures[first + i];
@@ -61,7 +60,8 @@ impl Preconditioner {
         });
     }
 
-    /// Chebyshev iteration for A z = r from zero; pressures become 0.
+    /// Chebyshev iteration for A z = r from zero, of which each step overwrites the values of two
+    /// steps before; pressures become 0.
     fn velocities(
         &mut self,
         grid: &Grid<'_>,
@@ -69,87 +69,110 @@ impl Preconditioner {
         z: &mut Vec<Unknowns>,
         monitor: &Monitor<'_>,
     ) {
-        let [low, high] = EIGENVALUES;
-        let (center, half) = (f32::midpoint(low, high), (high - low) / 2.0);
-        let mut rho = half / center;
-        for k in 0..DEGREE {
-            let (keep, add) = if k == 0 {
-                (0.0, 1.0 / center)
-            } else {
-                let next = 1.0 / (2.0 * center / half - rho);
-                let factors = (next * rho, 2.0 * next / half);
-                rho = next;
-                factors
-            };
-            let old = &*z;
-            for_chunks_of_two(&mut self.step, &mut self.other, monitor, |first, steps, news| {
-                for (i, (step, new)) in steps.iter_mut().zip(news).enumerate() {
-                    let node = first + i;
+        let [(_, first), factors @ ..] = chebyshev::factors::<DEGREE>(EIGENVALUES);
+        self.other.fill([0.0; 4]);
+        for_chunks(z, monitor, |start, z| {
+            for (i, z) in z.iter_mut().enumerate() {
+                let (inverse, right) = (&grid.inverse[start + i], &r[start + i]);
+                *z = [0, 1, 2, 3].map(|c| first * inverse[c] * right[c]);
+            }
+        });
+        for (keep, add) in factors {
+            grid.for_rows(&mut self.other, monitor, |_, row, other| {
+                for (node, other) in row.nodes.clone().zip(other) {
                     let (inverse, right) = (&grid.inverse[node], &r[node]);
-                    let (mut own, mut sum): (Unknowns, Unknowns) = Default::default();
-                    if k > 0 {
-                        own = old[node];
-                        sum = grid.weighted_sum(&grid.around(node, old));
-                    }
+                    let own = &z[node];
+                    let sum = grid.weighted_sum(&grid.around(row, node, z));
                     for c in 0..4 {
                         // D⁻¹ (r − A z)
                         let residual = inverse[c] * (right[c] + sum[c]) - own[c];
-                        step[c] = keep * step[c] + add * residual;
-                        new[c] = own[c] + step[c];
+                        other[c] = own[c] + keep * (own[c] - other[c]) + add * residual;
                     }
                 }
+                0.0
             });
             std::mem::swap(z, &mut self.other);
         }
     }
 }
 
-/// Darcy's operator on the voxels.
-fn darcy(grid: &Grid<'_>, conductances: &[Unknowns], monitor: &Monitor<'_>) -> Result<Graph> {
-    let n = grid.space.len();
-    // The conductance of the face on a side of a voxel, and the voxel there; none is held at 0.
-    let face = |voxel: usize, to: usize| {
-        let axis = to / 2;
-        let next = grid.neighbours[voxel][to];
-        let owner = if to.is_multiple_of(2) { next as usize } else { voxel };
-        let conductance = conductances[owner][axis] * grid.weights[axis];
-        (conductance, (next as usize) < n, next)
-    };
-    let ground = (0..n)
-        .into_par_iter()
-        .map(|voxel| (0..6).map(|to| face(voxel, to)).filter(|f| !f.1).map(|f| f.0).sum::<f32>())
-        .collect();
-    let each = |voxel: usize, links: &mut Vec<(u32, f32)>| {
-        for to in 0..6 {
-            let (conductance, is_voxel, next) = face(voxel, to);
-            if is_voxel && conductance > 0.0 && next as usize != voxel {
-                links.push((next, conductance));
-            }
-        }
-    };
-    Graph::new(ground, each, monitor)
+/// Darcy's operator on the voxels; inlet and outlet are held at 0.
+struct Darcy<'a> {
+    space: &'a PoreSpace,
+    /// Conductances through the faces after each voxel.
+    after: [Vec<f32>; 3],
+    /// Conductances from the inlet to the voxels of the first plane of an open volume.
+    inlet: Vec<f32>,
+    /// Sum of the conductances of each voxel.
+    diagonals: Vec<f32>,
+}
+
+impl<'a> Darcy<'a> {
+    fn new(grid: &Grid<'a>, conductances: &[Unknowns], monitor: &Monitor<'_>) -> Self {
+        let (voxels, before) = conductances.split_at(grid.space.len());
+        let along = |axis: usize, all: &[Unknowns]| {
+            all.iter().map(|k| k[axis] * grid.weights[axis]).collect()
+        };
+        let mut darcy = Self {
+            space: grid.space,
+            after: [0, 1, 2].map(|axis| along(axis, voxels)),
+            inlet: along(0, before),
+            diagonals: Vec::new(),
+        };
+        darcy.diagonals = links::diagonals(&darcy, |sum| sum as f32, monitor);
+        darcy
+    }
+}
+
+impl Conductances for Darcy<'_> {
+    fn space(&self) -> &PoreSpace {
+        self.space
+    }
+
+    fn gather(&self, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f64>) {
+        gather(self, rows, values, inflow);
+    }
+
+    #[inline(always)]
+    fn after(&self, axis: usize, voxel: usize) -> f64 {
+        f64::from(self.after[axis][voxel])
+    }
+
+    #[inline(always)]
+    fn inlet(&self, voxel: usize) -> f64 {
+        f64::from(self.inlet[voxel])
+    }
+
+    #[inline(always)]
+    fn outlet(&self, voxel: usize) -> f64 {
+        f64::from(self.after[0][voxel])
+    }
+
+    #[inline(always)]
+    fn diagonal(&self, voxel: usize) -> f64 {
+        f64::from(self.diagonals[voxel])
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+popcnt"))]
+fn gather(darcy: &Darcy<'_>, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f64>) {
+    links::gather(darcy, rows, values, inflow);
 }
 
 /// K = A⁻¹ 1 for the velocities of all three axes, roughly, by conjugate gradients.
 fn conductances(grid: &Grid<'_>, monitor: &Monitor<'_>) -> Result<Vec<Unknowns>> {
-    let n = grid.len();
     let ones = |d: &Unknowns| d.map(|d| if d > 0.0 { 1.0 } else { 0.0 });
-    let mut residual: Vec<Unknowns> = grid.inverse.par_iter().map(ones).collect();
-    let mut solution = vec![[0.0f32; 4]; n];
-    let mut scaled = solution.clone();
+    let mut residual: Vec<Unknowns> = grid.inverse.iter().map(ones).collect();
+    let mut solution = vec![[0.0f32; 4]; grid.len()];
     let mut direction = solution.clone();
-    let mut image = solution.clone();
     let (mut before, mut first) = (0.0, 0.0);
     let mut iterations = 0;
     loop {
         monitor.check()?;
-        for_chunks(&mut scaled, monitor, |first, scaled| {
-            for (i, s) in scaled.iter_mut().enumerate() {
-                let (r, d) = (&residual[first + i], &grid.inverse[first + i]);
-                *s = [0, 1, 2, 3].map(|c| r[c] * d[c]);
-            }
+        let product = sum(grid.len(), |nodes| {
+            let each = residual[nodes.clone()].iter().zip(&grid.inverse[nodes]);
+            each.map(|(r, d)| (0..4).map(|c| f64::from(r[c] * r[c] * d[c])).sum::<f64>()).sum()
         });
-        let product = dot(residual.as_flattened(), scaled.as_flattened());
         if iterations == 0 {
             first = product;
         }
@@ -158,20 +181,28 @@ fn conductances(grid: &Grid<'_>, monitor: &Monitor<'_>) -> Result<Vec<Unknowns>>
             break;
         }
         let ratio = if iterations == 0 { 0.0 } else { (product / before) as f32 };
-        combine(&mut direction, [ratio, 1.0], &scaled, monitor);
-        for_chunks(&mut image, monitor, |first, image| {
-            for (i, image) in image.iter_mut().enumerate() {
-                let node = first + i;
-                *image = grid.viscous(node, direction[node], &grid.around(node, &direction));
+        for_chunks(&mut direction, monitor, |first, direction| {
+            for (i, direction) in direction.iter_mut().enumerate() {
+                let (r, d) = (&residual[first + i], &grid.inverse[first + i]);
+                *direction = [0, 1, 2, 3].map(|c| ratio * direction[c] + r[c] * d[c]);
             }
         });
-        let curvature = dot(direction.as_flattened(), image.as_flattened());
+        let curvature = grid.energy(&direction);
         if curvature <= 0.0 {
             break;
         }
         let length = (product / curvature) as f32;
         combine(&mut solution, [1.0, length], &direction, monitor);
-        combine(&mut residual, [1.0, -length], &image, monitor);
+        grid.for_rows(&mut residual, monitor, |_, row, residual| {
+            for (node, residual) in row.nodes.clone().zip(residual) {
+                let around = grid.around(row, node, &direction);
+                let image = grid.viscous(node, direction[node], &around);
+                for c in 0..4 {
+                    residual[c] -= length * image[c];
+                }
+            }
+            0.0
+        });
         before = product;
         iterations += 1;
     }

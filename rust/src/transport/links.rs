@@ -1,0 +1,327 @@
+//! Conductances between the voxels of a pore space, never stored as a list of links.
+//!
+//! A row of voxels touches the same voxels of the row beside it in runs, along which both count on by
+//! one: a run is found by its bits and then worked on like a slice.
+
+use std::ops::Range;
+
+use super::pore::{PoreSpace, Rows};
+use crate::bits::WORD;
+use crate::monitor::Monitor;
+use crate::volume::Boundary;
+
+/// How well the voxels of a pore space conduct.
+pub(super) trait Conductances: Sync {
+    /// The pore space.
+    fn space(&self) -> &PoreSpace;
+    /// [`gather`] with the widest instructions of the processor.
+    fn gather(&self, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f64>);
+    /// Conductance from a voxel to the next along an axis.
+    fn after(&self, axis: usize, voxel: usize) -> f64;
+    /// Conductance from a voxel of the first plane of an open volume to the inlet.
+    fn inlet(&self, voxel: usize) -> f64;
+    /// Conductance from a voxel of the last plane of an open volume to the outlet.
+    fn outlet(&self, voxel: usize) -> f64;
+    /// Sum of the conductances of a voxel, that of [`ground`] included.
+    fn diagonal(&self, voxel: usize) -> f64;
+}
+
+/// Conductance from a voxel of a row to inlet and outlet.
+pub(super) fn ground(links: &impl Conductances, row: usize, voxel: usize) -> f64 {
+    let [before, after] = links.space().open_ends(row);
+    let inlet = if before { links.inlet(voxel) } else { 0.0 };
+    inlet + if after { links.outlet(voxel) } else { 0.0 }
+}
+
+/// What [`Conductances::diagonal`] is, converted.
+pub(super) fn diagonals<T: Send + Clone + Default>(
+    links: &impl Conductances,
+    convert: impl Fn(f64) -> T + Sync,
+    monitor: &Monitor<'_>,
+) -> Vec<T> {
+    let space = links.space();
+    let ones = vec![1.0; space.len()];
+    let mut diagonals = vec![T::default(); space.len()];
+    space.for_parts(&mut diagonals, monitor, |rows, first, diagonals| {
+        let mut inflow = Vec::new();
+        links.gather(rows.clone(), &ones, &mut inflow);
+        for row in rows {
+            for voxel in space.voxels_of(row..row + 1) {
+                let sum = inflow[voxel - first] + ground(links, row, voxel);
+                diagonals[voxel - first] = convert(sum);
+            }
+        }
+    });
+    diagonals
+}
+
+/// Calls `work(number of the first voxel, what flows from the voxels of some rows, their `values`,
+/// their `out`)` for parts of a volume.
+pub(super) fn with_outflow<T: Send>(
+    links: &impl Conductances,
+    out: &mut [T],
+    values: &[f32],
+    monitor: &Monitor<'_>,
+    work: impl Fn(usize, &[f64], &[f32], &mut [T]) + Sync,
+) {
+    links.space().for_parts(out, monitor, |rows, first, out| {
+        let mut flow = Vec::new();
+        outflow(links, rows, values, &mut flow);
+        work(first, &flow, &values[first..first + out.len()], out);
+    });
+}
+
+/// Writes the rows of the matrix times the values: what flows from the voxels of some rows.
+pub(super) fn outflow(
+    links: &impl Conductances,
+    rows: Range<usize>,
+    values: &[f32],
+    flow: &mut Vec<f64>,
+) {
+    links.gather(rows.clone(), values, flow);
+    for (flow, voxel) in flow.iter_mut().zip(links.space().voxels_of(rows)) {
+        *flow = links.diagonal(voxel) * f64::from(values[voxel]) - *flow;
+    }
+}
+
+/// Writes the sums of conductance · value at the other end over the links of the voxels of some rows.
+#[inline(always)]
+pub(super) fn gather(
+    links: &impl Conductances,
+    rows: Range<usize>,
+    values: &[f32],
+    inflow: &mut Vec<f64>,
+) {
+    let space = links.space();
+    let voxels = space.voxels_of(rows.clone());
+    inflow.clear();
+    inflow.resize(voxels.len(), 0.0);
+    for axis in [0, 1] {
+        for after in [false, true] {
+            for (piece, beside) in space.beside(rows.clone(), axis, after) {
+                if beside == piece.start {
+                    continue; // a volume of one row, which touches itself
+                }
+                let others = space.bits_of(beside..beside + piece.len());
+                for (voxel, other, length) in shared(space.bits_of(piece), others) {
+                    let owner = if after { voxel } else { other };
+                    let inflow = &mut inflow[voxel - voxels.start..];
+                    add(inflow, &values[other..other + length], links, axis, owner);
+                }
+            }
+        }
+    }
+    for (voxel, _, length) in pairs(space.bits_of(rows.clone())) {
+        let (at, end) = (voxel - voxels.start, voxel + length);
+        add(&mut inflow[at..], &values[voxel + 1..=end], links, 2, voxel);
+        add(&mut inflow[at + 1..], &values[voxel..end], links, 2, voxel);
+    }
+    if space.boundary == Boundary::Open {
+        return;
+    }
+    for [last, first] in rows.filter_map(|row| space.wrapping(row)) {
+        if last != first {
+            add(&mut inflow[last - voxels.start..], &values[first..=first], links, 2, last);
+            add(&mut inflow[first - voxels.start..], &values[last..=last], links, 2, last);
+        }
+    }
+}
+
+/// Adds what comes over links along an axis; `owner` is the first of those at the ends that come
+/// before the others.
+#[inline(always)]
+fn add(inflow: &mut [f64], others: &[f32], links: &impl Conductances, axis: usize, owner: usize) {
+    for (i, (inflow, &other)) in inflow.iter_mut().zip(others).enumerate() {
+        *inflow += links.after(axis, owner + i) * f64::from(other);
+    }
+}
+
+/// The runs of voxels that rows share with those beside them: the first voxel, that beside it, and how many.
+#[inline(always)]
+pub(super) fn shared<'a>(own: Rows<'a>, beside: Rows<'a>) -> Runs<'a> {
+    Runs { own, beside, pairs: false, word: 0, bits: 0 }.begin()
+}
+
+/// The runs of voxels that have a next one in their row: the first, that next to it, and how many.
+#[inline(always)]
+pub(super) fn pairs(own: Rows<'_>) -> Runs<'_> {
+    Runs { own, beside: own, pairs: true, word: 0, bits: 0 }.begin()
+}
+
+/// Runs of voxels; a struct with plain loops, for closures that are not inlined would be compiled for
+/// the baseline.
+pub(super) struct Runs<'a> {
+    own: Rows<'a>,
+    beside: Rows<'a>,
+    pairs: bool,
+    /// The word that is looked at, and what is left of its bits.
+    word: usize,
+    bits: u64,
+}
+
+impl Runs<'_> {
+    #[inline(always)]
+    fn begin(mut self) -> Self {
+        self.bits = self.bits_of(0);
+        self
+    }
+
+    #[inline(always)]
+    fn bits_of(&self, word: usize) -> u64 {
+        let Some(&bits) = self.own.words.get(word) else { return 0 };
+        if self.pairs {
+            let ends = self.own.full.is_some_and(|per_row| (word + 1).is_multiple_of(per_row));
+            let next = self.own.words.get(word + 1).map_or(0, |next| next << (WORD - 1));
+            let next = if ends { 0 } else { next };
+            bits & (bits >> 1 | next)
+        } else {
+            bits & self.beside.words[word]
+        }
+    }
+}
+
+impl Iterator for Runs<'_> {
+    type Item = (usize, usize, usize);
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Self::Item> {
+        while self.bits == 0 {
+            self.word += 1;
+            if self.word >= self.own.words.len() {
+                return None;
+            }
+            self.bits = self.bits_of(self.word);
+        }
+        let start = self.bits.trailing_zeros();
+        let length = (!(self.bits >> start)).trailing_zeros();
+        let below = (1 << start) - 1;
+        self.bits &= u64::MAX.checked_shl(start + length).unwrap_or(0);
+        let number =
+            |row: Rows<'_>| row.firsts[self.word] + (row.words[self.word] & below).count_ones();
+        let voxel = number(self.own);
+        let other = if self.pairs { voxel + 1 } else { number(self.beside) };
+        Some((voxel as usize, other as usize, length as usize))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array3;
+
+    use super::*;
+    use crate::rng::Key;
+    use crate::transport::finest::Cycle;
+
+    /// Conductances that differ from link to link.
+    struct Uneven<'a>(&'a PoreSpace);
+
+    impl Conductances for Uneven<'_> {
+        fn space(&self) -> &PoreSpace {
+            self.0
+        }
+
+        fn gather(&self, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f64>) {
+            gather(self, rows, values, inflow);
+        }
+
+        fn after(&self, axis: usize, voxel: usize) -> f64 {
+            1.0 + f64::from(Key::new(1).unit((3 * voxel + axis) as u64))
+        }
+
+        fn inlet(&self, voxel: usize) -> f64 {
+            self.after(0, voxel + self.0.len())
+        }
+
+        fn outlet(&self, voxel: usize) -> f64 {
+            self.after(0, voxel)
+        }
+
+        fn diagonal(&self, voxel: usize) -> f64 {
+            let places =
+                (0..self.0.rows()).flat_map(|row| (0..self.0.shape[2]).map(move |x| [row, x]));
+            let at = places.into_iter().find(|&at| self.0.number(at) == Some(voxel)).unwrap();
+            let links: f64 = neighbours(self, at).map(|(conductance, _)| conductance).sum();
+            links + ground(self, at[0], voxel)
+        }
+    }
+
+    /// The links of a voxel to others: conductance, number.
+    fn neighbours<'a>(
+        links: &'a Uneven<'_>,
+        at: [usize; 2],
+    ) -> impl Iterator<Item = (f64, usize)> + 'a {
+        let space = links.0;
+        let voxel = space.number(at).unwrap();
+        (0..6).filter_map(move |side| {
+            let (axis, after) = (side / 2, side % 2 == 1);
+            let other = space.number(space.voxel_beside(at, axis, after)?)?;
+            let conductance = links.after(axis, if after { voxel } else { other });
+            (other != voxel).then_some((conductance, other))
+        })
+    }
+
+    fn spaces() -> impl Iterator<Item = PoreSpace> {
+        let shapes = [(1, 1, 1), (3, 4, 2), (2, 1, 63), (4, 3, 64), (3, 2, 65), (2, 3, 130)];
+        let boundaries = [Boundary::Open, Boundary::Periodic];
+        shapes.into_iter().flat_map(move |shape| {
+            boundaries.into_iter().map(move |boundary| {
+                let mut i = 0;
+                let solid = Array3::from_shape_simple_fn(shape, || {
+                    i += 1;
+                    Key::new(2).unit(i) < 0.2
+                });
+                PoreSpace::new(solid.view(), boundary, &Monitor::silent()).unwrap()
+            })
+        })
+    }
+
+    #[test]
+    fn runs_gather_what_single_links_do() {
+        for space in spaces() {
+            let links = Uneven(&space);
+            let values: Vec<f32> = (0..space.len()).map(|i| Key::new(3).unit(i as u64)).collect();
+            let mut inflow = Vec::new();
+            // All rows at once, and row by row.
+            links.gather(0..space.rows(), &values, &mut inflow);
+            assert_eq!(inflow.len(), space.len());
+            for row in 0..space.rows() {
+                let mut of_row = Vec::new();
+                links.gather(row..row + 1, &values, &mut of_row);
+                assert_eq!(of_row, inflow[space.voxels_of(row..row + 1)]);
+                for x in 0..space.shape[2] {
+                    let Some(voxel) = space.number([row, x]) else { continue };
+                    let each = neighbours(&links, [row, x]);
+                    let expected: f64 = each.map(|(c, other)| c * f64::from(values[other])).sum();
+                    assert!((inflow[voxel] - expected).abs() < 1e-9, "{:?}", space.shape);
+                }
+            }
+            let diagonals = diagonals(&links, |sum| sum, &Monitor::silent());
+            for (voxel, found) in diagonals.into_iter().enumerate() {
+                assert!((found - links.diagonal(voxel)).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_cycle_over_the_voxels_is_symmetric_and_positive() {
+        for space in spaces().filter(|space| !space.is_empty()) {
+            let n = space.len();
+            let mut cycle = Cycle::new(Uneven(&space), &Monitor::silent()).unwrap();
+            let [a, b] = [4, 5].map(|seed| {
+                (0..n).map(|i| Key::new(seed).unit(i as u64) - 0.5).collect::<Vec<f32>>()
+            });
+            let mut cycled = |right: &[f32]| {
+                cycle.run(|voxel| right[voxel], &Monitor::silent());
+                cycle.solution.clone()
+            };
+            let (of_a, of_b) = (cycled(&a), cycled(&b));
+            let product = |a: &[f32], b: &[f32]| -> f64 {
+                a.iter().zip(b).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum()
+            };
+            let scale = (product(&of_a, &a) * product(&of_b, &b)).sqrt();
+            let difference = product(&of_a, &b) - product(&a, &of_b);
+            assert!(difference.abs() <= 1e-5 * scale, "{:?}", space.shape);
+            assert!(product(&of_a, &a) >= 0.0 && product(&of_b, &b) >= 0.0);
+        }
+    }
+}

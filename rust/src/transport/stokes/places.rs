@@ -1,0 +1,167 @@
+//! Where the nodes of the staggered grid are, and what is beyond a velocity.
+
+use std::ops::Range;
+
+use crate::transport::pore::PoreSpace;
+use crate::volume::Boundary;
+
+/// Nodes are the voxels of the pore space; with an open boundary, one more plane before the first,
+/// a copy of it after the last row, which owns the velocities through the inlet. Pressure is held at
+/// 0 in that plane and in the one after the last, half a voxel beyond the volume, as if its end planes
+/// went on that far. The other faces of an open volume are mirrors: nothing passes them, and they do
+/// not slow a flow.
+pub(super) struct Places<'a> {
+    pub space: &'a PoreSpace,
+}
+
+/// Row and place in it.
+pub(super) type Place = [usize; 2];
+
+/// What is beyond a velocity, one step along an axis.
+#[derive(PartialEq, Clone, Copy)]
+enum Beyond {
+    /// Another velocity, after the node at this place.
+    Velocity(Place),
+    /// A face that is part of a wall: velocity 0 one step away.
+    Edge,
+    /// A wall between the two places: velocity 0 half a step away.
+    Wall,
+    /// The same velocity.
+    Mirror,
+}
+
+impl Places<'_> {
+    /// Number of rows: those of the volume, and those of the plane before it.
+    pub fn rows(&self) -> usize {
+        let before = if self.space.boundary == Boundary::Open { self.space.shape[1] } else { 0 };
+        self.space.rows() + before
+    }
+
+    /// The row of the volume that a row is or is a copy of, and what its nodes' numbers are larger by.
+    fn original(&self, row: usize) -> (usize, usize) {
+        let rows = self.space.rows();
+        if row < rows { (row, 0) } else { (row - rows, self.space.len()) }
+    }
+
+    fn is_before_inlet(&self, row: usize) -> bool {
+        row >= self.space.rows()
+    }
+
+    /// The nodes of a row.
+    pub fn nodes_of(&self, row: usize) -> Range<usize> {
+        let (original, shift) = self.original(row);
+        let voxels = self.space.voxels_of(original..original + 1);
+        voxels.start + shift..voxels.end + shift
+    }
+
+    /// The node at a place.
+    pub fn node(&self, [row, x]: Place) -> Option<usize> {
+        let (original, shift) = self.original(row);
+        Some(self.space.number([original, x])? + shift)
+    }
+
+    /// The row before or after another along axis 0 or 1.
+    pub fn row_beside(&self, row: usize, axis: usize, after: bool) -> Option<usize> {
+        let rows = self.space.rows();
+        let (original, _) = self.original(row);
+        match (self.is_before_inlet(row), axis) {
+            (true, 0) => after.then_some(original),
+            (true, _) => Some(self.space.row_beside(original, axis, after)? + rows),
+            (false, 0) if !after && self.space.open_ends(row)[0] => Some(row + rows),
+            (false, _) => self.space.row_beside(row, axis, after),
+        }
+    }
+
+    /// The place before or after another along an axis, if there is a node.
+    pub fn place_beside(&self, [row, x]: Place, axis: usize, after: bool) -> Option<Place> {
+        let to = match axis {
+            2 => [row, self.space.voxel_beside([self.original(row).0, x], axis, after)?[1]],
+            _ => [self.row_beside(row, axis, after)?, x],
+        };
+        self.node(to).map(|_| to)
+    }
+
+    /// Whether the plane of outlet pressure follows a row along axis 0.
+    fn before_outlet(&self, row: usize) -> bool {
+        !self.is_before_inlet(row) && self.space.open_ends(row)[1]
+    }
+
+    /// Whether a place is at a border of an open volume.
+    fn at_border(&self, [row, x]: Place, axis: usize, after: bool) -> bool {
+        let [_, n1, n2] = self.space.shape;
+        let (at, n) = if axis == 1 { (self.original(row).0 % n1, n1) } else { (x, n2) };
+        self.space.boundary == Boundary::Open && at == if after { n - 1 } else { 0 }
+    }
+
+    /// Whether there is a velocity along an axis through the face after a node.
+    pub fn has_velocity(&self, at: Place, axis: usize) -> bool {
+        let inside = axis == 0 || !self.is_before_inlet(at[0]);
+        inside && self.place_beside(at, axis, true).is_some()
+            || axis == 0 && self.before_outlet(at[0])
+    }
+
+    /// What is beyond the velocity along `axis` after a node, before or after it along `side`.
+    fn beyond(&self, at: Place, axis: usize, side: usize, after: bool) -> Beyond {
+        let next = self.place_beside(at, side, after);
+        if side == axis {
+            // Along the flow of the velocity itself.
+            return match next {
+                None if !after && self.is_before_inlet(at[0]) => Beyond::Mirror,
+                _ if after && axis == 0 && self.before_outlet(at[0]) => Beyond::Mirror,
+                Some(next) if !after || self.has_velocity(next, axis) => Beyond::Velocity(next),
+                _ => Beyond::Edge,
+            };
+        }
+        match next {
+            Some([row, _]) if axis > 0 && side == 0 && self.is_before_inlet(row) => {
+                return Beyond::Mirror;
+            }
+            Some(next) if self.has_velocity(next, axis) => return Beyond::Velocity(next),
+            None if side > 0 && self.at_border(at, side, after) => return Beyond::Mirror,
+            None if side == 0 && self.before_outlet(at[0]) && after => return Beyond::Mirror,
+            _ => (),
+        }
+        // The voxel on the other side of the face may have a neighbour where this one has none.
+        let across = self.place_beside(at, axis, true);
+        let beside_it = across.and_then(|across| self.place_beside(across, side, after));
+        if next.is_none() && beside_it.is_none() { Beyond::Wall } else { Beyond::Edge }
+    }
+
+    pub fn viscous_diagonal(&self, at: Place, axis: usize, weights: [f32; 3]) -> f32 {
+        let each = (0..6).map(|i| {
+            let (side, after) = (i / 2, i % 2 == 1);
+            let factor = match self.beyond(at, axis, side, after) {
+                Beyond::Velocity(_) | Beyond::Edge => 1.0,
+                Beyond::Mirror => 0.0,
+                Beyond::Wall => wall_shear(self.width(at, axis, side, !after)),
+            };
+            factor * weights[side]
+        });
+        each.sum()
+    }
+
+    /// How far the opposite wall is from a wall, seen along a side from a velocity next to it; steps.
+    fn width(&self, mut at: Place, axis: usize, side: usize, after: bool) -> f32 {
+        let mut width = 1.0;
+        // Beyond this the profile's curvature does not show at the wall.
+        while width < 64.0 {
+            match self.beyond(at, axis, side, after) {
+                Beyond::Velocity(next) => at = next,
+                Beyond::Wall => return width,
+                Beyond::Edge => return width + 0.5,
+                Beyond::Mirror => return 2.0 * width,
+            }
+            width += 1.0;
+        }
+        width
+    }
+}
+
+/// Shear at a wall by (velocity half a step away / step): 2, and more for the curvature of the
+/// profile between walls that are `width` steps apart.
+///
+/// With this factor the flow between parallel walls is h²/12 for every whole h. With 2 it is
+/// h²/12 + 1/6: 3 times as much for one voxel, 13 % more for four.
+fn wall_shear(width: f32) -> f32 {
+    2.0 / (1.0 - 2.0 / (3.0 * width))
+}
