@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::Settings;
 use super::finest::Cycle;
-use super::links::{self, Conductances, outflow, shared, with_outflow};
+use super::links::{self, Conductances, Real, shared};
 use super::pore::PoreSpace;
 use crate::error::Result;
 use crate::monitor::Monitor;
@@ -62,7 +62,8 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
         }
         // Single precision has no room for residuals of any size.
         let scale = square.sqrt();
-        cycle.run(|voxel| (residual[voxel] / scale) as f32, monitor);
+        let shrink = scale.recip();
+        cycle.run(|voxel| (residual[voxel] * shrink) as f32, monitor);
         let down = |vector: &[f32]| {
             space.sum(|rows| {
                 let voxels = space.voxels_of(rows.clone());
@@ -94,17 +95,12 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
         for (flux, added) in fluxes.iter_mut().zip(added) {
             *flux += length * added;
         }
-        with_outflow(
-            &cycle.links,
-            &mut residual,
-            &direction,
-            monitor,
-            |_, outflow, _, residual| {
-                for (r, outflow) in residual.iter_mut().zip(outflow) {
-                    *r -= length * outflow;
-                }
-            },
-        );
+        space.for_parts(&mut residual, monitor, |rows, _, residual| {
+            let outflow = cycle.links.outflow(rows, &direction);
+            for (r, outflow) in residual.iter_mut().zip(outflow) {
+                *r -= length * outflow;
+            }
+        });
         before = product;
         iterations += 1;
     };
@@ -139,6 +135,8 @@ struct Problem<'a> {
     /// How many links each voxel has along the axes: in bits 0 to 2, one to inlet or outlet counting
     /// as two, bits 3 and 4, and the rest.
     degrees: Vec<u8>,
+    /// Sum of the conductances for each degree.
+    diagonals: Vec<f64>,
 }
 
 impl Conductances for Problem<'_> {
@@ -146,46 +144,61 @@ impl Conductances for Problem<'_> {
         self.space
     }
 
-    fn gather(&self, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f64>) {
+    fn gather(&self, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f32>) {
         gather(self, rows, values, inflow);
     }
 
     #[inline(always)]
-    fn after(&self, axis: usize, _: usize) -> f64 {
-        self.weights[axis]
+    fn after<T: Real>(&self, axis: usize, _: usize) -> T {
+        T::from_double(self.weights[axis])
     }
 
     // Half a voxel away.
     #[inline(always)]
-    fn inlet(&self, _: usize) -> f64 {
-        2.0 * self.weights[0]
+    fn inlet(&self, _: usize) -> f32 {
+        2.0 * self.weights[0] as f32
     }
 
     #[inline(always)]
-    fn outlet(&self, _: usize) -> f64 {
-        2.0 * self.weights[0]
+    fn outlet(&self, _: usize) -> f32 {
+        2.0 * self.weights[0] as f32
     }
 
     #[inline(always)]
-    fn diagonal(&self, voxel: usize) -> f64 {
-        let degree = self.degrees[voxel];
-        let counts = [degree & 7, degree >> 3 & 3, degree >> 5].map(f64::from);
-        counts.iter().zip(&self.weights).map(|(count, weight)| count * weight).sum()
+    fn diagonal(&self, voxel: usize) -> f32 {
+        self.diagonals[usize::from(self.degrees[voxel])] as f32
     }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+popcnt"))]
-fn gather(problem: &Problem<'_>, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f64>) {
+fn gather(problem: &Problem<'_>, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f32>) {
+    links::gather(problem, rows, values, inflow);
+}
+
+/// The same in double precision.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+popcnt"))]
+fn gather_exactly(
+    problem: &Problem<'_>,
+    rows: Range<usize>,
+    values: &[f32],
+    inflow: &mut Vec<f64>,
+) {
     links::gather(problem, rows, values, inflow);
 }
 
 impl<'a> Problem<'a> {
     fn new(space: &'a PoreSpace, settings: &Settings, monitor: &Monitor<'_>) -> Self {
         // Links are counted as conductances that do not add up to each other.
-        let counted = Self { space, weights: [1.0, 8.0, 32.0], degrees: Vec::new() };
+        let (degrees, diagonals) = (Vec::new(), Vec::new());
+        let counted = Self { space, weights: [1.0, 8.0, 32.0], degrees, diagonals };
         let degrees = links::diagonals(&counted, |sum| sum as u8, monitor);
         let [h, ..] = settings.spacing;
-        Self { degrees, weights: settings.spacing.map(|s| (h / s).powi(2)), ..counted }
+        let weights = settings.spacing.map(|s| (h / s).powi(2));
+        let sum = |degree: u8| {
+            let counts = [degree & 7, degree >> 3 & 3, degree >> 5];
+            counts.iter().zip(&weights).map(|(&n, weight)| f64::from(n) * weight).sum()
+        };
+        Self { space, degrees, diagonals: (0..=u8::MAX).map(sum).collect(), weights }
     }
 
     /// What flows to each voxel when χ is 0.
@@ -254,13 +267,23 @@ impl<'a> Problem<'a> {
         fluxes.iter().sum::<f64>() - 0.5 * ends
     }
 
+    /// What flows from the voxels of some rows: those of the matrix times χ.
+    fn outflow(&self, rows: Range<usize>, chi: &[f32]) -> Vec<f64> {
+        let mut flow = Vec::new();
+        gather_exactly(self, rows.clone(), chi, &mut flow);
+        for (flow, voxel) in flow.iter_mut().zip(self.space.voxels_of(rows)) {
+            let diagonal = self.diagonals[usize::from(self.degrees[voxel])];
+            *flow = diagonal * f64::from(chi[voxel]) - *flow;
+        }
+        flow
+    }
+
     /// χᵀ A χ.
     fn energy(&self, chi: &[f32]) -> f64 {
         self.space.sum(|rows| {
-            let mut flow = Vec::new();
-            outflow(self, rows.clone(), chi, &mut flow);
-            let own = &chi[self.space.voxels_of(rows)];
-            own.iter().zip(&flow).map(|(&own, flow)| f64::from(own) * flow).sum()
+            let own = &chi[self.space.voxels_of(rows.clone())];
+            let outflow = self.outflow(rows, chi);
+            own.iter().zip(outflow).map(|(&own, outflow)| f64::from(own) * outflow).sum()
         })
     }
 }

@@ -9,7 +9,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::chebyshev;
-use super::links::{self, Conductances, outflow, with_outflow};
+use super::links::{self, Conductances, with_inflow};
 use super::multigrid::{DEGREE, Graph, Multigrid, OVERCORRECTION, SMOOTHED};
 use super::pore::{PoreSpace, cut, parts};
 use super::vectors::CHUNK;
@@ -57,29 +57,30 @@ impl<C: Conductances> Cycle<C> {
         let Self { links, cubes, parents, coarse, solution, other } = self;
         let links = &*links;
         let space = links.space();
-        let over = |voxel: usize, value: f64| {
+        // D⁻¹ (b − A x) of a voxel
+        let step = |voxel: usize, inflow: f32, x: f32| {
             let diagonal = links.diagonal(voxel);
-            if diagonal > 0.0 { (value / diagonal) as f32 } else { 0.0 }
+            if diagonal > 0.0 { (right(voxel) + inflow) / diagonal - x } else { 0.0 }
         };
-        let residual = |voxel: usize, outflow: f64| f64::from(right(voxel)) - outflow;
 
         space.for_parts(other, monitor, |_, start, other| {
             for (i, other) in other.iter_mut().enumerate() {
-                *other = first * over(start + i, residual(start + i, 0.0));
+                *other = first * step(start + i, 0.0, 0.0);
             }
         });
-        with_outflow(links, solution, other, monitor, |start, outflow, other, solution| {
+        with_inflow(links, solution, other, monitor, |start, inflow, other, solution| {
             for (i, (x, &o)) in solution.iter_mut().zip(other).enumerate() {
-                *x = o + keep * o + add * over(start + i, residual(start + i, outflow[i]));
+                *x = o + keep * o + add * step(start + i, inflow[i], o);
             }
         });
         cubes.for_parts(coarse.right(), monitor, |rows, start, coarse| {
-            let mut flow = Vec::new();
+            let mut inflow = Vec::new();
             coarse.fill(0.0);
             for rows in rows.flat_map(|row| cubes.rows_of(space, row)) {
-                outflow(links, rows.clone(), solution, &mut flow);
-                for (voxel, &flow) in space.voxels_of(rows).zip(&flow) {
-                    coarse[parents[voxel] as usize - start] += residual(voxel, flow) as f32;
+                links.gather(rows.clone(), solution, &mut inflow);
+                for (voxel, &inflow) in space.voxels_of(rows).zip(&inflow) {
+                    let outflow = links.diagonal(voxel) * solution[voxel] - inflow;
+                    coarse[parents[voxel] as usize - start] += right(voxel) - outflow;
                 }
             }
         });
@@ -89,15 +90,14 @@ impl<C: Conductances> Cycle<C> {
                 *x += OVERCORRECTION * correction[parent as usize];
             }
         });
-        with_outflow(links, other, solution, monitor, |start, outflow, solution, other| {
+        with_inflow(links, other, solution, monitor, |start, inflow, solution, other| {
             for (i, (o, &x)) in other.iter_mut().zip(solution).enumerate() {
-                *o = x + first * over(start + i, residual(start + i, outflow[i]));
+                *o = x + first * step(start + i, inflow[i], x);
             }
         });
-        with_outflow(links, solution, other, monitor, |start, outflow, other, solution| {
+        with_inflow(links, solution, other, monitor, |start, inflow, other, solution| {
             for (i, (x, &o)) in solution.iter_mut().zip(other).enumerate() {
-                let step = add * over(start + i, residual(start + i, outflow[i]));
-                *x = o + keep * (o - *x) + step;
+                *x = o + keep * (o - *x) + add * step(start + i, inflow[i], o);
             }
         });
     }
@@ -113,7 +113,7 @@ fn join(
     let space = links.space();
     let of = |parent: usize| children(space, parents, places, parent);
     let ground = |parent: usize| {
-        of(parent).map(|([row, _], voxel)| links::ground(links, row, voxel)).sum::<f64>() as f32
+        of(parent).map(|([row, _], voxel)| links::ground(links, row, voxel)).sum::<f32>()
     };
     let ground = (0..places.len()).into_par_iter().map(ground).collect();
     let each = |parent: usize, found: &mut Vec<(u32, f32)>| {
@@ -128,7 +128,7 @@ fn join(
                     continue;
                 }
                 let owner = if after { voxel } else { other };
-                let conductance = links.after(axis, owner) as f32;
+                let conductance = links.after::<f32>(axis, owner);
                 match found[first..].iter_mut().find(|(known, _)| *known == end) {
                     Some((_, sum)) => *sum += conductance,
                     None => found.push((end, conductance)),

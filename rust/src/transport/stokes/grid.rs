@@ -159,22 +159,6 @@ impl<'a> Grid<'a> {
         [at(0), at(1), at(2), at(3), at(4), at(5)]
     }
 
-    /// uᵀ A u.
-    pub fn energy(&self, values: &[Unknowns]) -> f64 {
-        let of_rows = |rows: &Range<usize>| {
-            let mut sum = 0.0;
-            for row in rows.clone().map(|row| self.row(row)) {
-                for node in row.nodes.clone() {
-                    let own = values[node];
-                    let image = self.viscous(node, own, &self.around(&row, node, values));
-                    sum += (0..4).map(|c| f64::from(own[c] * image[c])).sum::<f64>();
-                }
-            }
-            sum
-        };
-        self.parts.par_iter().map(of_rows).collect::<Vec<_>>().iter().sum()
-    }
-
     /// The sum of the velocities along axis 0 behind each plane, that before the inlet first.
     pub fn fluxes(&self, values: &[Unknowns]) -> Vec<f64> {
         let [n0, n1, _] = self.space.shape;

@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::transport::chebyshev;
 use crate::transport::finest::Cycle;
-use crate::transport::links::{self, Conductances};
+use crate::transport::links::{self, Conductances, Real};
 use crate::transport::pore::PoreSpace;
 use crate::transport::vectors::{for_chunks, sum};
 
@@ -119,7 +119,7 @@ impl<'a> Darcy<'a> {
             inlet: along(0, before),
             diagonals: Vec::new(),
         };
-        darcy.diagonals = links::diagonals(&darcy, |sum| sum as f32, monitor);
+        darcy.diagonals = links::diagonals(&darcy, |sum| sum, monitor);
         darcy
     }
 }
@@ -129,33 +129,33 @@ impl Conductances for Darcy<'_> {
         self.space
     }
 
-    fn gather(&self, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f64>) {
+    fn gather(&self, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f32>) {
         gather(self, rows, values, inflow);
     }
 
     #[inline(always)]
-    fn after(&self, axis: usize, voxel: usize) -> f64 {
-        f64::from(self.after[axis][voxel])
+    fn after<T: Real>(&self, axis: usize, voxel: usize) -> T {
+        T::from_single(self.after[axis][voxel])
     }
 
     #[inline(always)]
-    fn inlet(&self, voxel: usize) -> f64 {
-        f64::from(self.inlet[voxel])
+    fn inlet(&self, voxel: usize) -> f32 {
+        self.inlet[voxel]
     }
 
     #[inline(always)]
-    fn outlet(&self, voxel: usize) -> f64 {
-        f64::from(self.after[0][voxel])
+    fn outlet(&self, voxel: usize) -> f32 {
+        self.after[0][voxel]
     }
 
     #[inline(always)]
-    fn diagonal(&self, voxel: usize) -> f64 {
-        f64::from(self.diagonals[voxel])
+    fn diagonal(&self, voxel: usize) -> f32 {
+        self.diagonals[voxel]
     }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+popcnt"))]
-fn gather(darcy: &Darcy<'_>, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f64>) {
+fn gather(darcy: &Darcy<'_>, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f32>) {
     links::gather(darcy, rows, values, inflow);
 }
 
@@ -165,6 +165,7 @@ fn conductances(grid: &Grid<'_>, monitor: &Monitor<'_>) -> Result<Vec<Unknowns>>
     let mut residual: Vec<Unknowns> = grid.inverse.iter().map(ones).collect();
     let mut solution = vec![[0.0f32; 4]; grid.len()];
     let mut direction = solution.clone();
+    let mut image = solution.clone();
     let (mut before, mut first) = (0.0, 0.0);
     let mut iterations = 0;
     loop {
@@ -187,22 +188,21 @@ fn conductances(grid: &Grid<'_>, monitor: &Monitor<'_>) -> Result<Vec<Unknowns>>
                 *direction = [0, 1, 2, 3].map(|c| ratio * direction[c] + r[c] * d[c]);
             }
         });
-        let curvature = grid.energy(&direction);
+        let curvature = grid.for_rows(&mut image, monitor, |_, row, image| {
+            let mut curvature = 0.0;
+            for (node, image) in row.nodes.clone().zip(image) {
+                let own = direction[node];
+                *image = grid.viscous(node, own, &grid.around(row, node, &direction));
+                curvature += (0..4).map(|c| f64::from(own[c] * image[c])).sum::<f64>();
+            }
+            curvature
+        });
         if curvature <= 0.0 {
             break;
         }
         let length = (product / curvature) as f32;
         combine(&mut solution, [1.0, length], &direction, monitor);
-        grid.for_rows(&mut residual, monitor, |_, row, residual| {
-            for (node, residual) in row.nodes.clone().zip(residual) {
-                let around = grid.around(row, node, &direction);
-                let image = grid.viscous(node, direction[node], &around);
-                for c in 0..4 {
-                    residual[c] -= length * image[c];
-                }
-            }
-            0.0
-        });
+        combine(&mut residual, [1.0, -length], &image, monitor);
         before = product;
         iterations += 1;
     }
