@@ -6,6 +6,7 @@ use ndarray::{ArrayView3, ArrayViewMut3, Axis, s};
 use super::Space;
 use super::cells::{Cells, Extent, Placed};
 use super::ridge::Ball;
+use crate::bits::pack;
 use crate::error::Result;
 use crate::monitor::Monitor;
 
@@ -56,11 +57,9 @@ pub(super) fn fill(
     }
     let low = origin.map(|from| from as i32);
     let extent = Extent { low, high: [0, 1, 2].map(|i| low[i] + [z, y, x][i] as i32 - 1) };
-    for (i, ball) in cells.reaching(&extent).iter().enumerate() {
-        if i % 1024 == 0 {
-            monitor.check()?;
-        }
-        tile.paint(ball, space);
+    for balls in cells.reaching(&extent).chunks(1024) {
+        monitor.check()?;
+        paint(&mut tile, balls, space);
         if tile.planes == 0 {
             break;
         }
@@ -72,6 +71,17 @@ pub(super) fn fill(
         }
     }
     Ok(())
+}
+
+/// Paints balls. Everything below is inlined here, so that it is compiled for the processor.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512vl+avx512dq+bmi1+bmi2",
+    "x86_64+avx2+bmi1+bmi2"
+))]
+fn paint(tile: &mut Tile, balls: &[Placed], space: &Space) {
+    for ball in balls {
+        tile.paint(ball, space);
+    }
 }
 
 /// What has been painted of a tile, and the voxels of the phase that wait for a ball.
@@ -96,10 +106,10 @@ impl Tile {
         };
         for (z, plane) in phase.outer_iter().enumerate() {
             for (y, row) in plane.outer_iter().enumerate() {
-                let mut bits = 0;
-                for (x, &inside) in row.iter().enumerate() {
-                    bits |= u64::from(inside) << x;
-                }
+                let bits = row.as_slice().map_or_else(
+                    || row.iter().rev().fold(0, |bits, &inside| bits << 1 | u64::from(inside)),
+                    pack,
+                );
                 tile.waiting[z * PLANE + y] = bits;
                 tile.rows[z] |= u64::from(bits != 0) << y;
             }
@@ -110,6 +120,7 @@ impl Tile {
 
     /// Gives the voxels of a ball that wait its diameter, but for those in its neighbour's ball: that
     /// one came before, or one that has the same voxels did.
+    #[inline(always)]
     fn paint(&mut self, placed: &Placed, space: &Space) {
         let size = space.size.map(|edge| edge as f32);
         let extents = extents(&placed.ball, size);
@@ -126,6 +137,7 @@ impl Tile {
         }
     }
 
+    #[inline(always)]
     fn paint_plane(
         &mut self,
         placed: &Placed,
@@ -176,6 +188,7 @@ fn square(steps: i32, size: f32) -> f32 {
 }
 
 /// The places of a tile from one step from a place to another, as bits.
+#[inline(always)]
 fn span(at: i32, (low, high): (i32, i32)) -> u64 {
     let last = TILE as i32 - 1;
     let (low, high) = ((at + low).max(0), (at + high).min(last));
@@ -184,6 +197,7 @@ fn span(at: i32, (low, high): (i32, i32)) -> u64 {
 
 /// The first and the last step along each axis from the middle of a ball to what does not lie in its
 /// neighbour's ball.
+#[inline(always)]
 fn extents(ball: &Ball, size: [f32; 3]) -> [(i32, i32); 3] {
     let radius = ball.reach.sqrt();
     let slack = 1e-3 * (1.0 + radius);
@@ -225,7 +239,7 @@ struct Slice {
 
 /// Finds the voxels of some rows that wait and lie in a ball but not in its neighbour's; false if
 /// there are none. `dy` are the steps from either middle to the first row.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl+avx512dq", "x86_64+avx2"))]
+#[inline(always)]
 fn find_hits(slice: &Slice, dy: [i32; 2], words: &[u64; LANES], hits: &mut [u64; LANES]) -> bool {
     // Most often no one waits there, which is seen sooner than the balls are.
     let mut any = 0;

@@ -64,7 +64,7 @@ pub(super) fn ridge<T: Lane + Kept<T>>(
                 monitor.check()?;
                 rows.load(balls, [z, y], space.boundary);
                 needed.fill(&rows.reach[Rows::place(1, y)][1..=nx], &mut rows.needed);
-                rows.find_parts(y);
+                rows.find_parts(y, &needed);
                 let whole = (0..nx).filter(|&x| !rows.part[x]);
                 found.extend(whole.map(|x| rows.ball([z, y, x], [nz, ny, nx], &needed)));
             }
@@ -150,7 +150,7 @@ impl Rows {
         }
     }
 
-    fn find_parts(&mut self, y: usize) {
+    fn find_parts(&mut self, y: usize, needed: &Needed) {
         let nx = self.part.len();
         let middle = Self::place(1, y);
         let own = &self.rank[middle][1..=nx];
@@ -161,7 +161,7 @@ impl Rows {
             let (row, shift) = Self::neighbour(y, step);
             mark_parts(
                 &mut self.part,
-                (&self.reach[row][shift..], &self.needed[class(step)]),
+                (&self.reach[row][shift..], &self.needed[needed.kind(step)]),
                 (&self.rank[row][shift..], own),
             );
         }
@@ -235,6 +235,9 @@ fn comes_after(at: [usize; 3], step: [i32; 3], shape: [usize; 3]) -> bool {
     other > at
 }
 
+/// A class along one axis, one along two, and that along three.
+const BY_AXES: [usize; 3] = [1, 3, 7];
+
 /// Along which axes a neighbour differs, as bits.
 const fn class([dz, dy, dx]: [i32; 3]) -> usize {
     4 * (dz & 1) as usize + 2 * (dy & 1) as usize + (dx & 1) as usize
@@ -253,7 +256,7 @@ fn mark_parts(part: &mut [bool], squares: (&[f32], &[f32]), ranks: (&[f32], &[f3
 /// The squared distance that a neighbour must have for its ball to hold that of a voxel.
 struct Needed {
     /// By squared distance in voxels, and by how many axes the neighbour differs along.
-    table: Option<[Vec<f32>; 3]>,
+    table: Option<Vec<[f32; 3]>>,
     /// Distance of each neighbour; never 0.
     lengths: [f32; BLOCK],
     /// What squares are multiplied by so that a rounded one does not reach the voxels outside.
@@ -278,7 +281,7 @@ impl Needed {
     /// Where squares are whole numbers, a ball of a voxel may lie in that of a neighbour though its
     /// real one does not (Rémy and Thiel 2002). The farthest voxel v of a ball from the neighbour
     /// at −e has the square |v|² + 2 v·e + |e|²; the neighbour's must be larger by one at least.
-    fn table(most: usize) -> [Vec<f32>; 3] {
+    fn table(most: usize) -> Vec<[f32; 3]> {
         let mut sums = vec![[None::<usize>; 3]; most + 1];
         let root = most.isqrt();
         for a in 0..=root {
@@ -291,28 +294,31 @@ impl Needed {
                 }
             }
         }
-        [0, 1, 2].map(|axes| {
-            let mut farthest = 0;
-            let mut needed = vec![0.0; most + 1];
-            for square in 1..=most {
+        let mut farthest = [0; 3];
+        let mut needed = vec![[0.0; 3]; most + 1];
+        for square in 1..=most {
+            for axes in 0..3 {
                 if let Some(sum) = sums[square - 1][axes] {
-                    farthest = farthest.max(square - 1 + 2 * sum + axes + 1);
+                    farthest[axes] = farthest[axes].max(square - 1 + 2 * sum + axes + 1);
                 }
-                needed[square] = 4.0 * (farthest + 1) as f32;
+                needed[square][axes] = 4.0 * (farthest[axes] + 1) as f32;
             }
-            needed
-        })
+        }
+        needed
+    }
+
+    /// The class that stands for that of a step: in cubes all along as many axes are alike.
+    fn kind(&self, step: [i32; 3]) -> usize {
+        let class = class(step);
+        if self.table.is_some() { BY_AXES[class.count_ones() as usize - 1] } else { class }
     }
 
     fn fill(&self, squares: &[f32], needed: &mut [Vec<f32>; 8]) {
         if let Some(table) = &self.table {
-            let [faces, edges, corners] = table;
             for (x, &square) in squares.iter().enumerate() {
-                let square = (square as u32 / 4) as usize;
-                let (face, edge, corner) = (faces[square], edges[square], corners[square]);
-                let all = [0.0, face, face, edge, face, edge, edge, corner];
-                for (needed, value) in needed.iter_mut().zip(all) {
-                    needed[x] = value;
+                let by_axes = table[(square as u32 / 4) as usize];
+                for (class, value) in BY_AXES.into_iter().zip(by_axes) {
+                    needed[class][x] = value;
                 }
             }
         } else {
