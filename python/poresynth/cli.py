@@ -378,6 +378,7 @@ def compare(
     threads: Threads = 0,
     json_file: Annotated[Path | None, Parameter(name="--json")] = None,
     report: Path | None = None,
+    sifid: Path | None = None,
     source: Input = None,
 ) -> None:
     """Measure how alike a volume and an exemplar are, and how much is copied.
@@ -404,6 +405,9 @@ def compare(
         File for the figures.
     report
         Folder for a page with figures and pictures, and its JSON.
+    sifid
+        Local file of weights of Inception v3 (.safetensors, .pth): of two images the single-image
+        Fréchet Inception distance, too.
     source
         How the exemplar is read.
     """
@@ -412,11 +416,12 @@ def compare(
     with files.reserve(report=report, json_file=json_file):
         original = inputs.read_exemplar(exemplar, source or InputConfig())
         new = files.read(volume)
+        distance = {} if sifid is None else {"sifid": comparing.sifid(original, new, sifid)}
         comparison = comparing.compare(
             original, new, threshold=threshold, solid=solid, seed=seed, threads=threads
         )
         if json_file is not None:
-            files.write_json(json_file, comparison.to_dict())
+            files.write_json(json_file, {**comparison.to_dict(), **distance})
         if report is not None:
             origin = new.metadata.get("poresynth", {})
             page = write_report(

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from poresynth import console
+from poresynth.errors import ParameterError
 
 if TYPE_CHECKING:
     from poresynth.comparison import Comparison
     from poresynth.engines.base import SynthesizedVolume
     from poresynth.volume import Volume
 
-__all__ = ["compare", "judge"]
+__all__ = ["compare", "judge", "sifid"]
 
 
 def judge(
@@ -76,6 +78,27 @@ def compare(
     header = ("figure", "new volume", "exemplar", "its range", "mark")
     console.figures("The new volume beside its exemplar", rows, header)
     return comparison
+
+
+def sifid(exemplar: Volume, image: Volume, weights: Path) -> float:
+    """Return, and say, the single-image Fréchet Inception distance with weights from a local file.
+
+    Raises
+    ------
+    ParameterError
+        If one of the two is a volume.
+    FileError
+        If the file does not hold the weights.
+    MissingExtraError
+        If PyTorch is not installed.
+    """
+    for name, picture in (("exemplar", exemplar), ("volume", image)):
+        if picture.shape[0] != 1:
+            raise ParameterError(name, picture.shape, "must be an image for --sifid")
+    inception: Any = importlib.import_module("poresynth.engines.neural.sifid")
+    distance = float(inception.sifid(exemplar, image, inception.load_stem(weights)))
+    console.result(f"SIFID: {distance:.4g}")
+    return distance
 
 
 def _print_copying(exemplar: Volume, volume: SynthesizedVolume, threads: int) -> None:

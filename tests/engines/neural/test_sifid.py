@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ import torch
 from safetensors.torch import save_file
 from scipy import ndimage, signal
 
+from poresynth import io
+from poresynth.cli import main
 from poresynth.engines.neural.sifid import InceptionStem, load_stem, sifid
 from poresynth.errors import FileError, ParameterError
 from poresynth.metrics.frechet import frechet_distance
@@ -110,3 +113,24 @@ def test_gray_images_and_slices_will_do(weights: dict[str, torch.Tensor]) -> Non
     for wrong in (gray.astype(float), gray[:20], np.zeros((40, 40, 2), np.uint8)):
         with pytest.raises(ParameterError, match="image"):
             sifid(gray, wrong, stem)
+
+
+def test_the_command_line_compares_two_images(
+    weights: dict[str, torch.Tensor],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    save_file(weights, "inception.safetensors")
+    first, second = picture(1, 2.0), picture(2, 4.0)
+    io.write("first.png", first[None])
+    io.write("second.png", second[None])
+    command = ["compare", "first.png", "second.png", "--sifid", "inception.safetensors"]
+    assert main([*command, "--json", "figures.json"]) == 0
+    expected = sifid(first, second, load_stem("inception.safetensors"))
+    assert f"SIFID: {expected:.4g}" in capsys.readouterr().out
+    assert json.loads(Path("figures.json").read_text())["sifid"] == pytest.approx(expected)
+    io.write("volume.tif", np.zeros((8, 9, 10), np.uint8))
+    assert main(["compare", "first.png", "volume.tif", *command[3:]]) == 2
+    assert "volume = (8, 9, 10): must be an image for --sifid" in capsys.readouterr().err

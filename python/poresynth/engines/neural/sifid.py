@@ -143,5 +143,5 @@ def _prepared(picture: Volume | npt.ArrayLike, name: str) -> Tensor:
         array = np.repeat(array, 3, axis=2)
     if array.shape[2] < 3:
         raise ParameterError(name, f"{array.shape[2]} channels", "must have 1, or 3 or more")
-    pixels = torch.from_numpy(np.ascontiguousarray(array[..., :3])).float()
+    pixels = torch.from_numpy(array[..., :3].astype(np.float32))
     return (pixels / 127.5 - 1).movedim(-1, 0)[None]
