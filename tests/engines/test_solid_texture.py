@@ -10,6 +10,7 @@ import pytest
 from scipy import ndimage
 
 from poresynth import _core
+from poresynth.engines.image_fields import agreed
 from poresynth.engines.roughness import interface_density, smoothing_like
 from poresynth.engines.solid_texture import SolidTexture
 from poresynth.errors import FileError, ParameterError
@@ -248,6 +249,25 @@ def test_requests_that_do_not_fit_are_refused() -> None:
         SolidTexture(**FAST).fit(grays(), [blobs()])
     with pytest.raises(ParameterError, match="masks"):
         SolidTexture(**FAST, feature="distance").fit(grays(), [np.ones((48, 44), bool)])
+
+
+def test_images_agree_about_distances() -> None:
+    rng = np.random.default_rng(0)
+    fields = [
+        np.rint(rng.normal(mean, 20, (2, 1, 40, 30))).astype(np.float32) for mean in (80, 120)
+    ]
+    first, second = agreed(fields)
+    for c in range(2):
+        both = np.concatenate([field[c].ravel() for field in fields])
+        for made, field in ((first, fields[0]), (second, fields[1])):
+            # The order stays, and what is equal stays equal; the quantiles are those of both.
+            order = np.argsort(field[c].ravel(), kind="stable")
+            assert (np.diff(made[c].ravel()[order]) >= 0).all()
+            assert len(np.unique(made[c])) <= len(np.unique(field[c]))
+            wanted, found = (np.quantile(values, [0.1, 0.5, 0.9]) for values in (both, made[c]))
+            assert np.abs(wanted - found).max() <= 1.5
+    assert agreed(fields[:1])[0] is fields[0]
+    assert all(np.array_equal(made, fields[0]) for made in agreed([fields[0], fields[0]]))
 
 
 def test_interfaces_are_counted_in_the_plane() -> None:

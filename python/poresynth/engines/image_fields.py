@@ -13,7 +13,7 @@ from poresynth.engines.images import Images, targets
 from poresynth.engines.solid_parameters import SolidParameters
 from poresynth.engines.values import channels_first
 
-__all__ = ["ColourField", "DistanceField", "ImageField", "PhaseField", "with_feature"]
+__all__ = ["ColourField", "DistanceField", "ImageField", "PhaseField", "agreed", "with_feature"]
 
 Field = npt.NDArray[np.float32]
 
@@ -190,6 +190,42 @@ def _filled(sums: npt.NDArray[Any], counts: npt.NDArray[np.intp]) -> Field:
     full = counts > 0
     filled: Field = np.interp(bins, bins[full], sums[full] / counts[full]).astype(np.float32)
     return filled
+
+
+def agreed(fields: list[Field]) -> list[Field]:
+    """Give each channel of all images the distribution that it has on all of them together.
+
+    A voxel lies in planes across all axes and has one distance, so that its distribution is one.
+    Images that ask for several would pull at each voxel without an end: with three slices of bone
+    the D2 of sections was 17.5 instead of 10.2 %, and the gradient 22 instead of 7 % too high.
+
+    Parameters
+    ----------
+    fields : list of numpy.ndarray
+        Of each image the distances, shape (channel, 1, y, x).
+
+    Returns
+    -------
+    list of numpy.ndarray
+        The same, each value replaced by that of its rank; equal ones stay equal.
+    """
+    if len(fields) == 1:
+        return fields
+    pooled = [
+        np.sort(np.concatenate([f[c].ravel() for f in fields])) for c in range(len(fields[0]))
+    ]
+    return [
+        np.stack([_of_rank(own, all_) for own, all_ in zip(field, pooled, strict=True)])
+        for field in fields
+    ]
+
+
+def _of_rank(values: Field, pooled: Field) -> Field:
+    """Return of each value that of the same rank of sorted ones; equal values stay equal."""
+    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
+    share = (np.cumsum(counts) - counts / 2) / values.size
+    new = np.interp(share * len(pooled) - 0.5, np.arange(len(pooled)), pooled)
+    return new.astype(np.float32)[inverse].reshape(values.shape)
 
 
 def with_feature(field: Field, mask: npt.NDArray[np.bool_], parameters: SolidParameters) -> Field:

@@ -20,6 +20,10 @@ EDGE = 64
 """Edge of the volumes that are compared, voxels of half the resolution: as much as it takes to hold
 a few features, in a second or two."""
 
+STEPS = 60
+"""Steps of response matching at each level of a trial, at most: the rest goes into long shapes, by
+which the choice does not go."""
+
 MARGIN = 3.0
 """How many times better the sections must score with neighbourhoods. They thicken features, which
 counts of parts and holes do not show: sections of a spinodal scored 10 instead of 22 %, and its
@@ -63,7 +67,8 @@ def choose_mode(
     scores = {}
     for mode in MODES:
         p = resolve_mode(given, mode)
-        p = p.model_copy(update={"levels": p.levels - 1})
+        steps = tuple(min(count, STEPS) for count in p.response_steps)
+        p = p.model_copy(update={"levels": p.levels - 1, "response_steps": steps})
         made = _core.synthesize(
             [example(*target) for target in targets(images, p, halves)],
             (EDGE,) * 3,

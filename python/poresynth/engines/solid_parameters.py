@@ -41,7 +41,7 @@ class SolidParameters(BaseModel):
     levels: int = Field(3, ge=1, le=6)
     filters: int = Field(16, ge=0, le=256)
     filter_edge: int = Field(3, ge=2, le=32)
-    response_steps: tuple[Count, ...] = Field((100, 60, 15), min_length=1)
+    response_steps: tuple[Count, ...] = Field((500, 100, 15), min_length=1)
     final_steps: int = Field(0, ge=0, le=1000)
     windows: tuple[Window, ...] = Field((8,), min_length=1, max_length=8)
     steps: tuple[Step, ...] | None = None

@@ -20,6 +20,7 @@ from poresynth.engines.image_fields import (
     DistanceField,
     ImageField,
     PhaseField,
+    agreed,
     with_feature,
 )
 from poresynth.engines.images import Images, as_images, targets
@@ -111,8 +112,9 @@ class SolidTexture:
     filter_edge : int, default 3
         Edge of a filter, voxels. Filters of 3 and 4 left a third of the excess skeleton tips that
         filters of 8 left.
-    response_steps : tuple of int, default (100, 60, 15), (40, 15, 10) in mode "structured"
-        Steps of response matching at each level, coarse to fine; the last number goes on.
+    response_steps : tuple of int, default (500, 100, 15), (40, 15, 10) in mode "structured"
+        Steps of response matching at each level, coarse to fine; the last number goes on. Long
+        struts come of those at the coarsest level, where they cost little.
     final_steps : int, default 0
         Steps of response matching after the last neighbourhoods.
     windows : tuple of int, default (8,)
@@ -269,6 +271,8 @@ class SolidTexture:
         self._fields = [
             self._field.of(image.array, images.phase(i)) for i, image in enumerate(images.images)
         ]
+        if isinstance(self._field, DistanceField):
+            self._fields = agreed(self._fields)
         if self._masks is not None:
             self._fields = [
                 with_feature(field, mask, parameters)
