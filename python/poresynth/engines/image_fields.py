@@ -21,6 +21,11 @@ BLUR = 0.8
 """Blur of phases that are synthesised as such, pixels: borders of one pixel are all that a filter
 sees of them otherwise."""
 
+SMALL = 3
+"""Edge of filters, pixels: larger ones leave more dead ends of bone and foam."""
+
+LARGE = 5
+"""Edge of filters for gray values: they say nothing of the shape beyond."""
 
 SURFACE = 2.0
 """Pixels from the surface within which gray values follow from distance alone: a scan blurs."""
@@ -28,6 +33,10 @@ SURFACE = 2.0
 
 class ImageField(Protocol):
     """A field that stands for images, about 0 … 255, of shape (channel, z, y, x)."""
+
+    @property
+    def filter_edge(self) -> int:
+        """Edge of the filters that suit it, pixels."""
 
     def of(self, array: npt.NDArray[Any], phase: npt.NDArray[np.uint8]) -> Field:
         """Return pixels or voxels as field values."""
@@ -44,6 +53,7 @@ class PhaseField:
     """Phases as they are: of two one channel, of more one each."""
 
     images: Images
+    filter_edge = SMALL
 
     def of(self, array: npt.NDArray[Any], phase: npt.NDArray[np.uint8]) -> Field:
         """Return blurred indicators."""
@@ -80,6 +90,7 @@ class ColourField:
             signs = np.where(directions.sum(axis=1, keepdims=True) < 0, -1, 1)
             self._directions = directions * signs
         self._dark = images.phases.solid == "dark"
+        self.filter_edge = SMALL if len(pixels) > 1 else LARGE
 
     def of(self, array: npt.NDArray[Any], phase: npt.NDArray[np.uint8]) -> Field:
         """Return turned and scaled values."""
@@ -109,6 +120,8 @@ class DistanceField:
     distance, plus a Gaussian random field with the covariance and the histogram of what the means
     leave of the images.
     """
+
+    filter_edge = SMALL
 
     def __init__(self, images: Images, parameters: SolidParameters) -> None:
         self._images, self._parameters = images, parameters

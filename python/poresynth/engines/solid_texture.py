@@ -109,9 +109,10 @@ class SolidTexture:
         Resolutions, each half of the one before.
     filters : int, default 16
         Filters of each step of response matching; 0 leaves responses out.
-    filter_edge : int, default 3
-        Edge of a filter, voxels. Filters of 3 and 4 left a third of the excess skeleton tips that
-        filters of 8 left.
+    filter_edge : int, optional
+        Edge of a filter, voxels; 3 unless given, 5 for gray values. Distances carry shape beyond a
+        filter, and filters of 3 and 4 left a third of the excess skeleton tips that filters of 8
+        left; with values, the structure error of cement paste was 33 with 5 instead of 41 %.
     response_steps : tuple of int, default (500, 100, 15), (40, 15, 10) in mode "structured"
         Steps of response matching at each level, coarse to fine; the last number goes on. Long
         struts come of those at the coarsest level, where they cost little.
@@ -281,10 +282,13 @@ class SolidTexture:
         self.exemplar_ = images.images
         self.threshold_ = images.phases.threshold
         self.porosity_ = images.phases.porosity
+        given = self.parameters
+        if parameters.filter_edge is None:
+            given = {**given, "filter_edge": self._field.filter_edge}
         self.mode_, self.mode_reason_ = choose_mode(
-            images, self._field, self._fields, self.parameters, parameters
+            images, self._field, self._fields, given, parameters
         )
-        self.parameters_ = resolve_mode(self.parameters, self.mode_)
+        self.parameters_ = resolve_mode(given, self.mode_)
         return self
 
     def sample(
