@@ -251,6 +251,21 @@ def test_requests_that_do_not_fit_are_refused() -> None:
         SolidTexture(**FAST, feature="distance").fit(grays(), [np.ones((48, 44), bool)])
 
 
+@pytest.mark.parametrize(
+    ("image", "parameters", "edge"),
+    [
+        (grays(), {"field": "distance"}, 3),
+        (grays(), {"field": "intensity"}, 5),
+        (blobs(), {"field": "intensity"}, 3),
+        (colours(), {}, 3),
+        (grays(), {"field": "intensity", "filter_edge": 4}, 4),
+    ],
+)
+def test_filters_suit_the_field(image: Any, parameters: dict[str, Any], edge: int) -> None:
+    engine = SolidTexture(mode="responses", **parameters).fit(image)
+    assert engine.parameters_.filter_edge == edge
+
+
 def test_images_agree_about_distances() -> None:
     rng = np.random.default_rng(0)
     fields = [
