@@ -16,7 +16,7 @@ from poresynth.metrics.slice_statistics import slice_score
 
 __all__ = ["choose_mode", "example", "options"]
 
-EDGE = 64
+EDGE = 48
 """Edge of the volumes that are compared, voxels of half the resolution: as much as it takes to hold
 a few features, in a second or two."""
 
