@@ -55,8 +55,7 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
     let mut iterations = 0;
     let error = loop {
         monitor.check()?;
-        let square =
-            space.sum(|rows| residual[space.voxels_of(rows.clone())].iter().map(|r| r * r).sum());
+        let square = space.parts.sum(|_, own| residual[own].iter().map(|r| r * r).sum());
         if square == 0.0 {
             break 0.0;
         }
@@ -65,9 +64,8 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
         let shrink = scale.recip();
         cycle.run(|voxel| (residual[voxel] * shrink) as f32, monitor);
         let down = |vector: &[f32]| {
-            space.sum(|rows| {
-                let voxels = space.voxels_of(rows.clone());
-                let pairs = vector[voxels.clone()].iter().zip(&residual[voxels]);
+            space.parts.sum(|_, own| {
+                let pairs = vector[own.clone()].iter().zip(&residual[own]);
                 pairs.map(|(&v, r)| f64::from(v) * r).sum()
             })
         };
@@ -79,7 +77,7 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
             break error;
         }
         let ratio = if iterations == 0 { 0.0 } else { product / before };
-        space.for_parts(&mut direction, monitor, |_, first, direction| {
+        space.parts.map(&mut direction, monitor, |_, first, direction| {
             for (d, &z) in direction.iter_mut().zip(&cycle.solution[first..]) {
                 *d = (scale * f64::from(z) + ratio * f64::from(*d)) as f32;
             }
@@ -95,7 +93,7 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
         for (flux, added) in fluxes.iter_mut().zip(added) {
             *flux += length * added;
         }
-        space.for_parts(&mut residual, monitor, |rows, _, residual| {
+        space.parts.map(&mut residual, monitor, |rows, _, residual| {
             let outflow = cycle.links.outflow(rows, &direction);
             for (r, outflow) in residual.iter_mut().zip(outflow) {
                 *r -= length * outflow;
@@ -205,7 +203,7 @@ impl<'a> Problem<'a> {
     fn sources(&self, monitor: &Monitor<'_>) -> Vec<f64> {
         let space = self.space;
         let mut sources = vec![0.0; space.len()];
-        space.for_parts(&mut sources, monitor, |rows, first, sources| {
+        space.parts.map(&mut sources, monitor, |rows, first, sources| {
             for (after, flow) in [(false, self.weights[0]), (true, -self.weights[0])] {
                 for row in rows.clone().filter(|&row| space.open_ends(row)[usize::from(after)]) {
                     let voxels = space.voxels_of(row..row + 1);
@@ -280,10 +278,9 @@ impl<'a> Problem<'a> {
 
     /// χᵀ A χ.
     fn energy(&self, chi: &[f32]) -> f64 {
-        self.space.sum(|rows| {
-            let own = &chi[self.space.voxels_of(rows.clone())];
+        self.space.parts.sum(|rows, own| {
             let outflow = self.outflow(rows, chi);
-            own.iter().zip(outflow).map(|(&own, outflow)| f64::from(own) * outflow).sum()
+            chi[own].iter().zip(outflow).map(|(&own, outflow)| f64::from(own) * outflow).sum()
         })
     }
 }

@@ -11,8 +11,8 @@ use rayon::prelude::*;
 use super::chebyshev;
 use super::links::{self, Conductances, with_inflow};
 use super::multigrid::{DEGREE, Graph, Multigrid, OVERCORRECTION, SMOOTHED};
-use super::pore::{PoreSpace, cut, parts};
-use super::vectors::CHUNK;
+use super::pore::PoreSpace;
+use super::vectors::{CHUNK, Parts};
 use crate::bits::WORD;
 use crate::error::Result;
 use crate::monitor::Monitor;
@@ -37,7 +37,7 @@ impl<C: Conductances> Cycle<C> {
         let space = links.space();
         let cubes = Cubes::new(space);
         let mut parents = vec![0; space.len()];
-        space.for_parts(&mut parents, monitor, |rows, mut first, parents| {
+        space.parts.map(&mut parents, monitor, |rows, mut first, parents| {
             let start = first;
             for row in rows {
                 first = cubes.name_row(space, row, first, &mut parents[first - start..]);
@@ -63,7 +63,7 @@ impl<C: Conductances> Cycle<C> {
             if diagonal > 0.0 { (right(voxel) + inflow) / diagonal - x } else { 0.0 }
         };
 
-        space.for_parts(other, monitor, |_, start, other| {
+        space.parts.map(other, monitor, |_, start, other| {
             for (i, other) in other.iter_mut().enumerate() {
                 *other = first * step(start + i, 0.0, 0.0);
             }
@@ -73,7 +73,7 @@ impl<C: Conductances> Cycle<C> {
                 *x = o + keep * o + add * step(start + i, inflow[i], o);
             }
         });
-        cubes.for_parts(coarse.right(), monitor, |rows, start, coarse| {
+        cubes.parts.map(coarse.right(), monitor, |rows, start, coarse| {
             let mut inflow = Vec::new();
             coarse.fill(0.0);
             for rows in rows.flat_map(|row| cubes.rows_of(space, row)) {
@@ -85,7 +85,7 @@ impl<C: Conductances> Cycle<C> {
             }
         });
         let correction = coarse.cycle(monitor);
-        space.for_parts(solution, monitor, |_, start, solution| {
+        space.parts.map(solution, monitor, |_, start, solution| {
             for (x, &parent) in solution.iter_mut().zip(&parents[start..]) {
                 *x += OVERCORRECTION * correction[parent as usize];
             }
@@ -121,7 +121,7 @@ fn join(
         for (at, voxel) in of(parent) {
             for side in 0..6 {
                 let (axis, after) = (side / 2, side % 2 == 1);
-                let beside = space.voxel_beside(at, axis, after);
+                let beside = space.place_beside(at, axis, after);
                 let Some(other) = beside.and_then(|at| space.number(at)) else { continue };
                 let end = parents[other];
                 if end as usize == parent {
@@ -166,25 +166,24 @@ struct Cubes {
     shape: [usize; 3],
     /// The number of the first node of each row of cubes, and of one more.
     firsts: Vec<u32>,
-    /// Rows of cubes in parts that one thread handles at a time.
-    parts: Vec<Range<usize>>,
+    /// Rows of cubes in parts.
+    parts: Parts,
 }
 
 impl Cubes {
     fn new(space: &PoreSpace) -> Self {
         let shape = space.shape.map(|n| n.div_ceil(2));
-        let mut cubes = Self { shape, firsts: Vec::new(), parts: Vec::new() };
-        let count =
-            |row: usize| cubes.masks(space, row).map(|mask| u32::from(PARTS[mask].count)).sum();
+        let count = |row: usize| masks(space, row).map(|mask| u32::from(PIECES[mask].count)).sum();
         let counts: Vec<u32> = (0..shape[0] * shape[1]).into_par_iter().map(count).collect();
-        cubes.firsts.push(0);
+        let mut firsts = vec![0];
         let mut total = 0;
-        cubes.firsts.extend(counts.iter().map(|count| {
+        firsts.extend(counts.iter().map(|count| {
             total += count;
             total
         }));
-        cubes.parts = parts(counts.len(), CHUNK / 8, |row| counts[row] as usize);
-        cubes
+        let of = |row: usize| firsts[row] as usize..firsts[row + 1] as usize;
+        let parts = Parts::new(counts.len(), CHUNK / 8, of);
+        Self { shape, firsts, parts }
     }
 
     /// The rows of voxels that a row of cubes has, of one plane and of the next.
@@ -193,24 +192,6 @@ impl Cubes {
         let [z, y] = [row / self.shape[1], row % self.shape[1]];
         let planes = 2 * z..(2 * z + 2).min(n0);
         planes.map(move |z| z * n1 + 2 * y..z * n1 + (2 * y + 2).min(n1))
-    }
-
-    /// Which voxels of each cube of a row there are: bit 4 z + 2 y + x.
-    fn masks<'a>(&self, space: &'a PoreSpace, row: usize) -> impl Iterator<Item = usize> + use<'a> {
-        let [n0, n1, _] = space.shape;
-        let [z, y] = [row / self.shape[1], row % self.shape[1]];
-        let lines = [0, 1, 2, 3].map(|i| {
-            let at = [2 * z + i / 2, 2 * y + i % 2];
-            (at[0] < n0 && at[1] < n1).then(|| {
-                let row = at[0] * n1 + at[1];
-                space.bits_of(row..row + 1).words
-            })
-        });
-        (0..self.shape[2]).map(move |x| {
-            let (word, shift) = (2 * x / WORD, 2 * x % WORD);
-            let pair = |i: usize| lines[i].map_or(0, |words| (words[word] >> shift & 3) as usize);
-            (0..4).fold(0, |mask, i| mask | pair(i) << (2 * i))
-        })
     }
 
     /// Writes the node of each voxel of a row; returns the number of the first voxel of the next.
@@ -225,14 +206,14 @@ impl Cubes {
         let line = 4 * (z % 2) + 2 * (y % 2);
         let cubes = z / 2 * self.shape[1] + y / 2;
         let (first, mut node) = (voxel, self.firsts[cubes]);
-        for mask in self.masks(space, cubes) {
+        for mask in masks(space, cubes) {
             for corner in [line, line + 1] {
                 if mask >> corner & 1 == 1 {
-                    nodes[voxel - first] = node + u32::from(PARTS[mask].of[corner]);
+                    nodes[voxel - first] = node + u32::from(PIECES[mask].of[corner]);
                     voxel += 1;
                 }
             }
-            node += u32::from(PARTS[mask].count);
+            node += u32::from(PIECES[mask].count);
         }
         voxel
     }
@@ -243,71 +224,71 @@ impl Cubes {
         for row in 0..self.shape[0] * self.shape[1] {
             let at = [row / self.shape[1], row % self.shape[1], 0];
             let first = index(self.shape, at) as u32;
-            for (x, mask) in self.masks(space, row).enumerate() {
-                places.extend((0..PARTS[mask].count).map(|_| first + x as u32));
+            for (x, mask) in masks(space, row).enumerate() {
+                places.extend((0..PIECES[mask].count).map(|_| first + x as u32));
             }
         }
         places
     }
-
-    /// Calls `work(rows of cubes, number of their first node, values of their nodes)`.
-    fn for_parts(
-        &self,
-        values: &mut [f32],
-        monitor: &Monitor<'_>,
-        work: impl Fn(Range<usize>, usize, &mut [f32]) + Sync,
-    ) {
-        let sizes = self.parts.iter().map(|rows| {
-            let [first, end] = [rows.start, rows.end].map(|row| self.firsts[row]);
-            (end - first) as usize
-        });
-        let parts = self.parts.par_iter().zip(cut(values, sizes));
-        parts.for_each(|(rows, values)| {
-            if monitor.check().is_ok() {
-                work(rows.clone(), self.firsts[rows.start] as usize, values);
-            }
-        });
-    }
 }
 
-/// The parts that some voxels of a cube make.
+/// Which voxels of each cube of a row of cubes there are: bit 4 z + 2 y + x.
+fn masks(space: &PoreSpace, row: usize) -> impl Iterator<Item = usize> + '_ {
+    let [n0, n1, n2] = space.shape;
+    let per_plane = n1.div_ceil(2);
+    let [z, y] = [row / per_plane, row % per_plane];
+    let lines = [0, 1, 2, 3].map(|i| {
+        let at = [2 * z + i / 2, 2 * y + i % 2];
+        (at[0] < n0 && at[1] < n1).then(|| {
+            let row = at[0] * n1 + at[1];
+            space.bits_of(row..row + 1).words
+        })
+    });
+    (0..n2.div_ceil(2)).map(move |x| {
+        let (word, shift) = (2 * x / WORD, 2 * x % WORD);
+        let pair = |i: usize| lines[i].map_or(0, |words| (words[word] >> shift & 3) as usize);
+        (0..4).fold(0, |mask, i| mask | pair(i) << (2 * i))
+    })
+}
+
+/// The pieces that some voxels of a cube make.
 #[derive(Clone, Copy)]
-struct Parts {
+struct Pieces {
     count: u8,
-    /// The part of each voxel.
+    /// The piece of each voxel.
     of: [u8; 8],
 }
 
-/// The parts of every choice of voxels, by its bits.
-static PARTS: [Parts; 256] = parts_of_cubes();
+/// The pieces of every choice of voxels, by its bits.
+static PIECES: [Pieces; 256] = pieces_of_cubes();
 
-const fn parts_of_cubes() -> [Parts; 256] {
-    let mut all = [Parts { count: 0, of: [0; 8] }; 256];
+const fn pieces_of_cubes() -> [Pieces; 256] {
+    let mut all = [Pieces { count: 0, of: [0; 8] }; 256];
     let mut mask = 0;
     while mask < 256 {
         let mut left: usize = mask;
         while left != 0 {
-            // Grows from the first voxel that has no part yet, across faces inside the cube.
-            let mut part = left & left.wrapping_neg();
+            // Grows from the first voxel that has no piece yet, across faces inside the cube.
+            let mut piece = left & left.wrapping_neg();
             loop {
-                let along = (part & 0x55) << 1 | (part & 0xaa) >> 1;
-                let across = (part & 0x33) << 2 | (part & 0xcc) >> 2;
-                let up = (part & 0x0f) << 4 | (part & 0xf0) >> 4;
-                let grown = part | (along | across | up) & mask;
-                if grown == part {
+                let along = (piece & 0x55) << 1 | (piece & 0xaa) >> 1;
+                let across = (piece & 0x33) << 2 | (piece & 0xcc) >> 2;
+                let up = (piece & 0x0f) << 4 | (piece & 0xf0) >> 4;
+                let grown = piece | (along | across | up) & mask;
+                if grown == piece {
                     break;
                 }
-                part = grown;
+                piece = grown;
             }
             let mut corner = 0;
             while corner < 8 {
-                if part >> corner & 1 == 1 {
+                if piece >> corner & 1 == 1 {
                     all[mask].of[corner] = all[mask].count;
                 }
                 corner += 1;
             }
             all[mask].count += 1;
-            left &= !part;
+            left &= !piece;
         }
         mask += 1;
     }

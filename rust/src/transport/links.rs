@@ -74,7 +74,7 @@ pub(super) fn diagonals<T: Send + Clone + Default>(
     let space = links.space();
     let ones = vec![1.0; space.len()];
     let mut diagonals = vec![T::default(); space.len()];
-    space.for_parts(&mut diagonals, monitor, |rows, first, diagonals| {
+    space.parts.map(&mut diagonals, monitor, |rows, first, diagonals| {
         let mut inflow = Vec::new();
         links.gather(rows.clone(), &ones, &mut inflow);
         for row in rows {
@@ -96,7 +96,7 @@ pub(super) fn with_inflow(
     monitor: &Monitor<'_>,
     work: impl Fn(usize, &[f32], &[f32], &mut [f32]) + Sync,
 ) {
-    links.space().for_parts(out, monitor, |rows, first, out| {
+    links.space().parts.map(out, monitor, |rows, first, out| {
         let mut inflow = Vec::new();
         links.gather(rows, values, &mut inflow);
         work(first, &inflow, &values[first..first + out.len()], out);
@@ -161,7 +161,8 @@ fn add<T: Real>(
     }
 }
 
-/// The runs of voxels that rows share with those beside them: the first voxel, that beside it, and how many.
+/// The runs of voxels that rows share with those beside them: the first voxel, that beside it, and
+/// how many.
 #[inline(always)]
 pub(super) fn shared<'a>(own: Rows<'a>, beside: Rows<'a>) -> Runs<'a> {
     Runs { own, beside, pairs: false, word: 0, bits: 0 }.begin()
@@ -279,7 +280,7 @@ mod tests {
         let voxel = space.number(at).unwrap();
         (0..6).filter_map(move |side| {
             let (axis, after) = (side / 2, side % 2 == 1);
-            let other = space.number(space.voxel_beside(at, axis, after)?)?;
+            let other = space.number(space.place_beside(at, axis, after)?)?;
             let conductance = links.after(axis, if after { voxel } else { other });
             (other != voxel).then_some((conductance, other))
         })

@@ -5,7 +5,8 @@ use std::ops::Range;
 use ndarray::ArrayView3;
 use rayon::prelude::*;
 
-use crate::bits::WORD;
+use super::vectors::Parts;
+use crate::bits::{WORD, pack_row};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 use crate::volume::{Boundary, Shape, index, position, voxels};
@@ -32,9 +33,8 @@ pub struct PoreSpace {
     words: Vec<u64>,
     /// The number of the first voxel of each word, and of one more.
     firsts: Vec<u32>,
-    /// Rows in parts of some [`PART`] voxels, which one thread handles at a time: sums are made of
-    /// parts, so that they are part of a result.
-    parts: Vec<Range<usize>>,
+    /// Rows in parts of some [`PART`] voxels.
+    pub(super) parts: Parts,
 }
 
 /// Rows: percolating voxels, bit by bit, and the number of the first of each word.
@@ -72,11 +72,8 @@ impl PoreSpace {
         let mut words = vec![0u64; n0 * n1 * per_row];
         let rows = words.par_chunks_mut(per_row.max(1)).zip(states.par_chunks(n2.max(1)));
         rows.for_each(|(words, states)| {
-            for (word, states) in words.iter_mut().zip(states.chunks(WORD)) {
-                for (x, &state) in states.iter().enumerate() {
-                    *word |= u64::from(state == FLOWING) << x;
-                }
-            }
+            let flowing: Vec<bool> = states.iter().map(|&state| state == FLOWING).collect();
+            pack_row(&flowing, words);
         });
         let mut firsts = Vec::with_capacity(words.len() + 1);
         firsts.push(0);
@@ -85,9 +82,12 @@ impl PoreSpace {
             count += word.count_ones();
             count
         }));
-        let mut space = Self { shape, boundary, pore, words, firsts, parts: Vec::new() };
-        space.parts = parts(space.rows(), PART, |row| space.voxels_of(row..row + 1).len());
-        Ok(space)
+        let of = |row: usize| {
+            let [first, end] = [row, row + 1].map(|row| firsts[row * per_row] as usize);
+            first..end
+        };
+        let parts = Parts::new(n0 * n1, PART, of);
+        Ok(Self { shape, boundary, pore, words, firsts, parts })
     }
 
     /// Number of percolating voxels.
@@ -183,68 +183,18 @@ impl PoreSpace {
         (words[word] & bit != 0).then(|| firsts[word] as usize + below.count_ones() as usize)
     }
 
-    /// Where the voxel before or after another along an axis is, if it percolates.
-    pub(super) fn voxel_beside(
+    /// The place before or after another along an axis; none beyond an open border.
+    pub(super) fn place_beside(
         &self,
         [row, x]: [usize; 2],
         axis: usize,
         after: bool,
     ) -> Option<[usize; 2]> {
-        let to = match axis {
-            2 => [row, self.step(x, self.shape[2], after)?],
-            _ => [self.row_beside(row, axis, after)?, x],
-        };
-        self.number(to).map(|_| to)
-    }
-
-    /// Calls `work(rows, number of the first voxel, values)` for the parts of a vector of values of
-    /// the voxels.
-    ///
-    /// Once the caller wants to stop, parts are left out; the values are then of no use.
-    pub(super) fn for_parts<T: Send>(
-        &self,
-        values: &mut [T],
-        monitor: &Monitor<'_>,
-        work: impl Fn(Range<usize>, usize, &mut [T]) + Sync,
-    ) {
-        let sizes = self.parts.iter().map(|rows| self.voxels_of(rows.clone()).len());
-        let parts = self.parts.par_iter().zip(cut(values, sizes));
-        parts.for_each(|(rows, values)| {
-            if monitor.check().is_ok() {
-                work(rows.clone(), self.voxels_of(rows.clone()).start, values);
-            }
-        });
-    }
-
-    /// The sum of `term(rows)` over the parts, always added in one order.
-    pub(super) fn sum(&self, term: impl Fn(Range<usize>) -> f64 + Sync) -> f64 {
-        let terms: Vec<f64> = self.parts.par_iter().map(|rows| term(rows.clone())).collect();
-        terms.iter().sum()
-    }
-}
-
-/// Cuts a slice into pieces of some sizes.
-pub(super) fn cut<T>(mut values: &mut [T], sizes: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
-    let piece = |size| {
-        let (piece, rest) = std::mem::take(&mut values).split_at_mut(size);
-        values = rest;
-        piece
-    };
-    sizes.map(piece).collect()
-}
-
-/// Cuts `0..n` into parts of `size` at least, by what each has.
-pub(super) fn parts(n: usize, size: usize, has: impl Fn(usize) -> usize) -> Vec<Range<usize>> {
-    let mut parts = Vec::new();
-    let (mut start, mut held) = (0, 0);
-    for i in 0..n {
-        held += has(i);
-        if held >= size || i + 1 == n {
-            parts.push(start..i + 1);
-            (start, held) = (i + 1, 0);
+        match axis {
+            2 => Some([row, self.step(x, self.shape[2], after)?]),
+            _ => Some([self.row_beside(row, axis, after)?, x]),
         }
     }
-    parts
 }
 
 /// States of a voxel.

@@ -7,8 +7,8 @@ use rayon::prelude::*;
 use super::places::Places;
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
-use crate::transport::pore::{PoreSpace, cut, parts};
-use crate::transport::vectors::CHUNK;
+use crate::transport::pore::PoreSpace;
+use crate::transport::vectors::{CHUNK, Parts};
 
 /// Velocities through the faces after a voxel along axes 0, 1, 2, and the pressure at its centre.
 pub(super) type Unknowns = [f32; 4];
@@ -32,8 +32,8 @@ pub(super) struct Grid<'a> {
     pub weights: [f32; 3],
     /// 1 / h along each axis.
     slopes: [f32; 3],
-    /// Rows in parts that one thread handles at a time; sums are made of them.
-    parts: Vec<Range<usize>>,
+    /// Rows in parts.
+    parts: Parts,
 }
 
 /// A row of nodes, and the first nodes of the rows on its sides.
@@ -50,7 +50,7 @@ impl<'a> Grid<'a> {
             return Err(Error::parameter("shape", space.shape, allowed));
         }
         let places = Places { space };
-        let parts = parts(places.rows(), CHUNK, |row| places.nodes_of(row).len());
+        let parts = Parts::new(places.rows(), CHUNK, |row| places.nodes_of(row));
         let mut grid = Self {
             space,
             places,
@@ -182,23 +182,16 @@ impl<'a> Grid<'a> {
         monitor: &Monitor<'_>,
         work: impl Fn(usize, &Row, &mut [T]) -> f64 + Sync,
     ) -> f64 {
-        let nodes = |rows: &Range<usize>| {
-            self.places.nodes_of(rows.start).start..self.places.nodes_of(rows.end - 1).end
-        };
-        let sizes = self.parts.iter().map(|rows| nodes(rows).len());
-        let parts = self.parts.par_iter().zip(cut(out, sizes));
-        let each = parts.map(|(rows, mut out)| {
+        let each = self.parts.map(out, monitor, |rows, _, mut out| {
             let mut sum = 0.0;
-            if monitor.check().is_ok() {
-                for number in rows.clone() {
-                    let row = self.row(number);
-                    let (own, rest) = out.split_at_mut(row.nodes.len());
-                    sum += work(number, &row, own);
-                    out = rest;
-                }
+            for number in rows {
+                let row = self.row(number);
+                let (own, rest) = out.split_at_mut(row.nodes.len());
+                sum += work(number, &row, own);
+                out = rest;
             }
             sum
         });
-        each.collect::<Vec<_>>().iter().sum()
+        each.iter().sum()
     }
 }

@@ -75,7 +75,7 @@ impl Places<'_> {
     /// The place before or after another along an axis, if there is a node.
     pub fn place_beside(&self, [row, x]: Place, axis: usize, after: bool) -> Option<Place> {
         let to = match axis {
-            2 => [row, self.space.voxel_beside([self.original(row).0, x], axis, after)?[1]],
+            2 => [row, self.space.place_beside([self.original(row).0, x], axis, after)?[1]],
             _ => [self.row_beside(row, axis, after)?, x],
         };
         self.node(to).map(|_| to)
