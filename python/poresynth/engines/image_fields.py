@@ -12,6 +12,7 @@ from poresynth import _core
 from poresynth.engines.images import Images, targets
 from poresynth.engines.solid_parameters import SolidParameters
 from poresynth.engines.values import channels_first
+from poresynth.metrics.histograms import match_histogram
 
 __all__ = ["ColourField", "DistanceField", "ImageField", "PhaseField", "agreed", "with_feature"]
 
@@ -225,20 +226,12 @@ def agreed(fields: list[Field]) -> list[Field]:
     if len(fields) == 1:
         return fields
     pooled = [
-        np.sort(np.concatenate([f[c].ravel() for f in fields])) for c in range(len(fields[0]))
+        np.concatenate([f[c].reshape(1, 1, -1) for f in fields], 2) for c in range(len(fields[0]))
     ]
     return [
-        np.stack([_of_rank(own, all_) for own, all_ in zip(field, pooled, strict=True)])
+        np.stack([match_histogram(own, every) for own, every in zip(field, pooled, strict=True)])
         for field in fields
     ]
-
-
-def _of_rank(values: Field, pooled: Field) -> Field:
-    """Return of each value that of the same rank of sorted ones; equal values stay equal."""
-    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
-    share = (np.cumsum(counts) - counts / 2) / values.size
-    new = np.interp(share * len(pooled) - 0.5, np.arange(len(pooled)), pooled)
-    return new.astype(np.float32)[inverse].reshape(values.shape)
 
 
 def with_feature(field: Field, mask: npt.NDArray[np.bool_], parameters: SolidParameters) -> Field:
