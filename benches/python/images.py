@@ -72,7 +72,10 @@ def show_pictures() -> None:
         for name, words in pages.items()
         if (PICTURES / f"{name}.png").exists()
     ]
-    lines.append("One pixel a voxel. `python benches/python/images.py pictures`")
+    lines.append(
+        "One pixel a voxel. Struts of bone and foam come out clumpy, and Ketton's round grains are "
+        "lost. `python benches/python/images.py pictures`"
+    )
     update_readme("images_pictures", "\n\n".join(lines))
 
 
