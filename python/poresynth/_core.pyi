@@ -122,6 +122,7 @@ def match_responses(
     filters: int,
     edge: int,
     seed: int,
+    deep: bool = False,
     threads: int = 0,
 ) -> tuple[npt.NDArray[np.float32], list[float]]: ...
 def random_field(

@@ -29,9 +29,10 @@ def alike(images: list[np.ndarray]) -> list[Image]:
     return [(axis, image, True, 1.0) for axis, image in enumerate(images)]
 
 
+@pytest.mark.parametrize("deep", [False, True])
 @pytest.mark.parametrize("channels", [1, 3])
 @pytest.mark.parametrize("axes", [(0, 1, 2), (2,), (1, 0)])
-def test_a_step_equals_the_numpy_twin(channels: int, axes: tuple[int, ...]) -> None:
+def test_a_step_equals_the_numpy_twin(channels: int, axes: tuple[int, ...], deep: bool) -> None:
     shape, edge, filters, seed = (9, 20, 6), 3, 5, 7
     volume = np.stack([smooth(shape, c) for c in range(channels)])
     images: list[Image] = []
@@ -39,16 +40,18 @@ def test_a_step_equals_the_numpy_twin(channels: int, axes: tuple[int, ...]) -> N
         image = np.stack([smooth((11 + axis, 9), 10 * axis + c) for c in range(channels)])
         images.append((axis, image, axis != 1, 1.0 + axis))
     got, energies = _core.match_responses(
-        volume, images, steps=1, filters=filters, edge=edge, seed=seed
+        volume, images, steps=1, filters=filters, edge=edge, seed=seed, deep=deep
     )
-    want, energy = twin.step(volume.astype(float), images, filters, edge, Key.new(seed).with_(0))
+    key = Key.new(seed).with_(0)
+    want, energy = twin.step(volume.astype(float), images, filters, edge, key, deep)
     assert energies[0] == pytest.approx(energy, rel=5e-3)
     for c in range(channels):
         values = np.concatenate([image[c].ravel() for _, image, *_ in images])
         ranks = np.argsort(np.argsort(want[c].ravel())) / (want[c].size - 1)
         matched = np.quantile(values, ranks).reshape(shape)
         off = np.abs(got[c] - matched)
-        assert off.mean() < 1.0
+        # Second responses jump where nothing is left of the first; without them it is 15 or more.
+        assert off.mean() < (1.5 if deep else 1.0)
 
 
 def test_a_start_that_is_cut_has_the_two_point_correlation_of_the_cut_image() -> None:

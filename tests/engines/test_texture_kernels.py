@@ -20,6 +20,7 @@ LEVEL = {
     "iterations": 1,
     "filters": 0,
     "filter_edge": 0,
+    "deep": False,
     "response_steps": (0, 0),
     "search": "brute_force",
     "candidates": 10,

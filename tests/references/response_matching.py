@@ -103,8 +103,104 @@ def power(taps: np.ndarray, axis: int, shape: tuple[int, ...]) -> np.ndarray:
     return np.abs(np.fft.fftn(spread(kernel, taps, axis))) ** 2
 
 
+def left(responses: np.ndarray, pooled: np.ndarray, key: Key, kind: int) -> np.ndarray:
+    """Responses in standard deviations above an offset; of the image, whose all are `pooled`."""
+    edges, below = cumulative(pooled)
+    middles = (edges[1:] + edges[:-1]) / 2
+    shares = np.diff(below)
+    mean = (shares * middles).sum()
+    deviation = np.sqrt((shares * (middles - mean) ** 2).sum())
+    # Where a random number of 24 bits lies between the outermost tenths.
+    share = 0.1 + 0.8 * unit(key.with_(0), kind)
+    counts = np.round(below * pooled.size)
+    offset = edges[np.searchsorted(counts, int(share * pooled.size), side="right")]
+    return np.maximum((responses - offset) / deviation, 0)
+
+
+def same(a: Target, b: Target) -> bool:
+    return np.array_equal(a[1], b[1]) and a[2] == b[2]
+
+
+def unit(key: Key, index: int) -> float:
+    return (key.bits(index) >> 40) / 2**24
+
+
+def second_step(
+    found: list[np.ndarray],
+    looked: np.ndarray,
+    target: Target,
+    group: Sequence[tuple],
+    key: Key,
+) -> list[np.ndarray]:
+    """What the responses to the responses of a group ask of these, at the places looked at."""
+    axis, image, symmetric, _ = target
+    kinds = [(taps, d) for d in range(len(image)) for taps, _ in group]
+    mixed = [
+        np.tensordot(directions[d], image, 1) for d in range(len(image)) for _, directions in group
+    ]
+    own = [
+        [inside(m, turned) for turned in symmetries(taps, symmetric)]
+        for m, (taps, _) in zip(mixed, kinds, strict=True)
+    ]
+    pooled = [np.concatenate([r.ravel() for r in responses]) for responses in own]
+    above = [
+        [left(r, every, key, i) for r in responses]
+        for i, (responses, every) in enumerate(zip(own, pooled, strict=True))
+    ]
+    first = [responses[0] for responses in above]
+    room = [n - 4 for n in first[0].shape]
+    bank = []
+    for k in range(4):
+        draws = key.with_(1 + k)
+        a, b = ([draws.below(i, room[0]), draws.below(i + 1, room[1])] for i in (0, 2))
+        taps = np.array([m[a[0] : a[0] + 5 : 2, a[1] : a[1] + 5 : 2] for m in first]) - np.array(
+            [m[b[0] : b[0] + 5 : 2, b[1] : b[1] + 5 : 2] for m in first]
+        )
+        total = np.abs(taps).sum()
+        bank.append(taps / total if total > 0 else np.full(taps.shape, 1 / taps.size))
+    # The places looked at are a smaller volume, that tiles space as well.
+    shape = [looked.any(tuple(b for b in range(3) if b != a)).sum() for a in range(3)]
+    small = [f[looked].reshape(shape) for f in found]
+    remains = [
+        left(f, every, key, i) for i, (f, every) in enumerate(zip(small, pooled, strict=True))
+    ]
+    asked = [np.zeros(shape) for _ in small]
+    for taps in bank:
+        response = sum(correlated(r, t, axis) for r, t in zip(remains, taps, strict=True))
+        wanted = []
+        for turn in range(len(above[0])):
+            turned = [symmetries(t, symmetric)[turn] for t in taps]
+            wide = [np.zeros((5, 5)) for _ in turned]
+            for w, t in zip(wide, turned, strict=True):
+                w[::2, ::2] = t
+            wanted.append(sum(inside(m[turn], w) for m, w in zip(above, wide, strict=True)).ravel())
+        change = transported(response, np.concatenate(wanted)) - response
+        for i, t in enumerate(taps):
+            asked[i] += spread(change, t, axis)
+    out = []
+    for i, (change, every) in enumerate(zip(asked, pooled, strict=True)):
+        edges, below = cumulative(every)
+        middles, shares = (edges[1:] + edges[:-1]) / 2, np.diff(below)
+        deviation = np.sqrt((shares * (middles - (shares * middles).sum()) ** 2).sum())
+        size = sum(np.abs(taps[i]).sum() for taps in bank)
+        full = np.zeros(looked.shape)
+        full[looked] = (np.where(remains[i] > 0, 12 * deviation / size * change, 0)).ravel()
+        out.append(full)
+    return out
+
+
+def inside(image: np.ndarray, taps: np.ndarray) -> np.ndarray:
+    windows = np.lib.stride_tricks.sliding_window_view(image, taps.shape)
+    return (windows * taps).sum((2, 3))
+
+
 def step(
-    volume: np.ndarray, targets: Sequence[Target], filters: int, edge: int, key: Key
+    volume: np.ndarray,
+    targets: Sequence[Target],
+    filters: int,
+    edge: int,
+    key: Key,
+    deep: bool = False,
 ) -> tuple[np.ndarray, float]:
     """One step on a volume (channel, z, y, x), without the matching of its values."""
     images = [image for _, image, *_ in targets]
@@ -113,7 +209,26 @@ def step(
     asked = np.zeros(volume.shape)
     seen = np.zeros(volume.shape[1:])
     squares = []
-    for axis, image, symmetric, weight in targets:
+    # The first target with each image.
+    numbers = [
+        i for i, t in enumerate(targets) if not any(same(t, before) for before in targets[:i])
+    ]
+    for target in targets:
+        axis, image, symmetric, weight = target
+        number = numbers.index(next(i for i in numbers if same(targets[i], target)))
+        for g in range(0, filters if deep else 0, GROUP):
+            group = bank[g : g + GROUP]
+            looked = places(volume.shape[1:], axis, (start + g // GROUP) % STEP**2)
+            kinds = [(f, d) for d in range(len(image)) for f in group]
+            found = [
+                correlated(np.tensordot(directions[d], volume, 1), taps, axis)
+                for (taps, directions), d in kinds
+            ]
+            own = key.with_(2).with_(number).with_(g // GROUP)
+            changes = second_step(found, looked, target, group, own)
+            for ((taps, directions), d), change in zip(kinds, changes, strict=True):
+                back = weight * spread(change, taps, axis)
+                asked += directions[d][:, None, None, None] * back
         for k, (taps, directions) in enumerate(bank):
             looked = places(volume.shape[1:], axis, (start + k // GROUP) % STEP**2)
             seen += weight * looked.mean() * power(taps, axis, volume.shape[1:])

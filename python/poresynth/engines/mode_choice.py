@@ -115,6 +115,7 @@ def options(p: SolidParameters) -> dict[str, Any]:
             "iterations": at(p.iterations, level),
             "filters": p.filters,
             "filter_edge": p.filter_edge,
+            "deep": at(p.deep, level),
             "response_steps": (at(p.response_steps, level), p.final_steps if level == 0 else 0),
             "search": p.search,
             "candidates": p.candidates,

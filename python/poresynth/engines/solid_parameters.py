@@ -42,6 +42,7 @@ class SolidParameters(BaseModel):
     filters: int = Field(16, ge=0, le=256)
     filter_edge: int | None = Field(None, ge=2, le=32)
     response_steps: tuple[Count, ...] = Field((500, 100, 15), min_length=1)
+    deep: tuple[bool, ...] = Field((False, True, False), min_length=1)
     final_steps: int = Field(0, ge=0, le=1000)
     windows: tuple[Window, ...] = Field((8,), min_length=1, max_length=8)
     steps: tuple[Step, ...] | None = None
@@ -86,6 +87,7 @@ MODES: dict[str, dict[str, Any]] = {
     "responses": {},
     "structured": {
         "response_steps": (40, 15, 10),
+        "deep": (False,),
         "iterations": (20, 10, 2),
     },
 }

@@ -113,6 +113,11 @@ class SolidTexture:
         Edge of a filter, voxels; 3 unless given, 5 for gray values. Distances carry shape beyond a
         filter, and filters of 3 and 4 left a third of the excess skeleton tips that filters of 8
         left; with values, the structure error of cement paste was 33 with 5 instead of 41 %.
+    deep : tuple of bool, default (False, True, False), (False,) in mode "structured"
+        Whether responses to what is left of responses above a threshold are matched too, at each
+        level, coarse to fine; the last one goes on. They see where edges end and what they meet:
+        the structure error of Ketton limestone was 23 instead of 33 %, of cement paste 22 instead
+        of 31 %. At the coarsest level they repeat the image: novelty of bone 0.35, not 0.59.
     response_steps : tuple of int, default (500, 100, 15), (40, 15, 10) in mode "structured"
         Steps of response matching at each level, coarse to fine; the last number goes on. Long
         struts come of those at the coarsest level, where they cost little.
@@ -200,6 +205,7 @@ class SolidTexture:
         levels: int | None = None,
         filters: int | None = None,
         filter_edge: int | None = None,
+        deep: tuple[bool, ...] | None = None,
         response_steps: tuple[int, ...] | None = None,
         final_steps: int | None = None,
         windows: tuple[int, ...] | None = None,

@@ -656,6 +656,7 @@ class VolumeTexture:
             "stages": p.stages(),
             "filters": 0,
             "filter_edge": 0,
+            "deep": False,
             "response_steps": (0, 0),
             "bandwidth": None,
             "relaxation": 1.0,

@@ -49,6 +49,7 @@ struct LevelOptions {
     iterations: usize,
     filters: usize,
     filter_edge: usize,
+    deep: bool,
     response_steps: [usize; 2],
     search: String,
     candidates: usize,
@@ -63,8 +64,11 @@ impl LevelOptions {
         Ok(LevelPlan {
             stages: self.stages.iter().map(|&(window, step)| Stage { window, step }).collect(),
             iterations: self.iterations,
-            filters: (self.filters > 0)
-                .then_some(FilterBank { filters: self.filters, edge: self.filter_edge }),
+            filters: (self.filters > 0).then_some(FilterBank {
+                filters: self.filters,
+                edge: self.filter_edge,
+                deep: self.deep,
+            }),
             response_steps: self.response_steps,
             backend: backend(&self.search, self.candidates)?,
             temperature: self.temperature,

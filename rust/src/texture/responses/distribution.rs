@@ -60,6 +60,24 @@ impl Distribution {
         Self { range, below }
     }
 
+    /// Standard deviation, of values in the middle of their bins.
+    pub fn deviation(&self) -> f64 {
+        let n = self.total().max(1) as f64;
+        let (mut sum, mut square) = (0.0, 0.0);
+        for (bin, below) in self.below.windows(2).enumerate() {
+            let (share, value) = ((below[1] - below[0]) as f64 / n, bin as f64 + 0.5);
+            sum += share * value;
+            square += share * value * value;
+        }
+        (square - sum * sum).max(0.0).sqrt() * self.width()
+    }
+
+    /// The end of the bin up to which this share of the values lies.
+    pub fn quantile(&self, share: f64) -> f64 {
+        let rank = (share * self.total() as f64) as u64;
+        self.value(self.below.partition_point(|&n| n <= rank).min(BINS) as f64)
+    }
+
     fn total(&self) -> u64 {
         self.below[BINS]
     }

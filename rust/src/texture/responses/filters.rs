@@ -36,24 +36,27 @@ impl Filter {
 
     /// The filter as it lies in the plane after each of the 8 symmetries of a square.
     pub fn symmetric(&self) -> Vec<Vec<f32>> {
-        let edge = self.edge;
-        let last = edge - 1;
-        (0..8)
-            .map(|symmetry| {
-                (0..edge * edge)
-                    .map(|i| {
-                        let (mut y, mut x) = (i / edge, i % edge);
-                        if symmetry & 4 != 0 {
-                            (y, x) = (x, y);
-                        }
-                        y = if symmetry & 2 != 0 { last - y } else { y };
-                        x = if symmetry & 1 != 0 { last - x } else { x };
-                        self.taps[y * edge + x]
-                    })
-                    .collect()
-            })
-            .collect()
+        (0..SYMMETRIES).map(|symmetry| turned(&self.taps, self.edge, symmetry)).collect()
     }
+}
+
+/// Symmetries of a square.
+pub(super) const SYMMETRIES: usize = 8;
+
+/// Taps of a filter as they lie after one of the symmetries; the first leaves them where they are.
+pub(super) fn turned(taps: &[f32], edge: usize, symmetry: usize) -> Vec<f32> {
+    let last = edge - 1;
+    (0..edge * edge)
+        .map(|i| {
+            let (mut y, mut x) = (i / edge, i % edge);
+            if symmetry & 4 != 0 {
+                (y, x) = (x, y);
+            }
+            y = if symmetry & 2 != 0 { last - y } else { y };
+            x = if symmetry & 1 != 0 { last - x } else { x };
+            taps[y * edge + x]
+        })
+        .collect()
 }
 
 /// Filters that are applied one after the other to each row.

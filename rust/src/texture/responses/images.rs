@@ -33,7 +33,7 @@ pub(super) fn responses(
 }
 
 /// An image along a direction in channel space.
-fn mixed(image: &Field, direction: &[f32]) -> Vec<f32> {
+pub(super) fn mixed(image: &Field, direction: &[f32]) -> Vec<f32> {
     let mut out = vec![0.0; image.channel(0).len()];
     for (c, &q) in direction.iter().enumerate() {
         out.iter_mut().zip(image.channel(c)).for_each(|(sum, v)| *sum += q * v);
@@ -43,7 +43,7 @@ fn mixed(image: &Field, direction: &[f32]) -> Vec<f32> {
 
 /// Appends the responses at all positions inside an image.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
-fn append_responses(
+pub(super) fn append_responses(
     image: &[f32],
     [ny, nx]: [usize; 2],
     taps: &[f32],

@@ -10,6 +10,7 @@ mod distribution;
 mod filters;
 mod images;
 mod planes;
+mod second;
 mod stacks;
 
 use ndarray::{Array3, ArrayView3, Axis};
@@ -19,6 +20,7 @@ use rustfft::num_complex::Complex32;
 use self::distribution::Distribution;
 use self::filters::{Filter, GROUP, Group, groups};
 use self::planes::{Plane, Squares, Workspace};
+use self::second::Second;
 use self::stacks::Layout;
 use super::field::Field;
 use crate::error::{Error, Result};
@@ -56,11 +58,14 @@ pub struct FilterBank {
     pub filters: usize,
     /// Their edge in voxels.
     pub edge: usize,
+    /// Whether responses to their responses count too. Where an image is too small for these, they
+    /// do not.
+    pub deep: bool,
 }
 
 impl Default for FilterBank {
     fn default() -> Self {
-        Self { filters: 16, edge: 3 }
+        Self { filters: 16, edge: 3, deep: false }
     }
 }
 
@@ -180,13 +185,16 @@ impl<'a> ResponseMatching<'a> {
         let filters = self.draw(key.with(0));
         let wanted = self.image_responses(&filters, monitor)?;
         let groups = groups(&filters, key.with(1));
+        let second = self.second(&groups, &wanted, key.with(2), monitor)?;
         let mut gradient = Field::zeros(self.shape, self.channels);
         let (mut work, mut squares) = (Workspace::default(), Squares::default());
         for (target, &image) in self.targets.iter().zip(&self.image_of) {
             let layout = self.layout(target);
             let mut plane = Plane::new(layout, volume, &mut work);
-            for (group, wanted) in groups.iter().zip(wanted[image].chunks(GROUP)) {
-                squares.add(plane.correct(group, wanted, monitor)?);
+            for (g, group) in groups.iter().enumerate() {
+                let wanted = &wanted[image][g * GROUP..];
+                let second = second[image].get(g);
+                squares.add(plane.correct(group, wanted, second, monitor)?);
             }
             plane.collect(target.weight, &mut gradient);
         }
@@ -196,7 +204,7 @@ impl<'a> ResponseMatching<'a> {
 
     fn draw(&self, key: Key) -> Vec<Filter> {
         let images: Vec<&Field> = self.targets.iter().map(|target| target.image).collect();
-        let FilterBank { filters, edge } = self.bank;
+        let FilterBank { filters, edge, .. } = self.bank;
         (0..filters).map(|k| Filter::draw(&images, edge, key.with(k as u64))).collect()
     }
 
@@ -215,6 +223,27 @@ impl<'a> ResponseMatching<'a> {
             filters.par_iter().map(of_filter).collect()
         };
         self.images.iter().map(of_image).collect()
+    }
+
+    /// Of each image, the second filters of each group; none where they do not count.
+    fn second(
+        &self,
+        groups: &[Group<'_>],
+        wanted: &[Vec<Vec<Distribution>>],
+        key: Key,
+        monitor: &Monitor<'_>,
+    ) -> Result<Vec<Vec<Second>>> {
+        let of_image = |(i, (image, first)): (usize, (&(&Field, bool), &Vec<_>))| {
+            if !self.bank.deep || !Second::fits(image.0, self.bank.edge) {
+                return Ok(Vec::new());
+            }
+            let of_group = |(g, (group, first)): (usize, (&Group<'_>, &[Vec<Distribution>]))| {
+                let key = key.with(i as u64).with(g as u64);
+                Second::draw(*image, group, first, key, monitor)
+            };
+            groups.iter().zip(first.chunks(GROUP)).enumerate().map(of_group).collect()
+        };
+        self.images.iter().zip(wanted).enumerate().map(of_image).collect()
     }
 
     /// Adds to the volume what solves the least squares.

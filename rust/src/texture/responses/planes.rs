@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::distribution::{BINS, Correction, Distribution, Range, count};
 use super::filters::Group;
+use super::second::{Room, Second};
 use super::stacks::{Aligned, LANES, Layout, Positions, add_products, range, sum_of_squares};
 use crate::error::Result;
 use crate::monitor::Monitor;
@@ -35,6 +36,7 @@ pub(super) struct Workspace {
     /// What the responses ask of them so far.
     asked: Vec<Aligned>,
     responses: Aligned,
+    second: Room,
 }
 
 /// The slices of a volume perpendicular to an axis.
@@ -46,32 +48,37 @@ pub(super) struct Plane<'a> {
 /// Where the responses to one group of filters lie: row after row of all stacks, in each the rows of
 /// responses of all kinds, that is, for each direction (or channel) those to each filter.
 #[derive(Debug, Clone, Copy)]
-struct Order {
+pub(super) struct Order {
     layout: Layout,
-    rows: Positions,
-    columns: Positions,
+    pub rows: Positions,
+    pub columns: Positions,
     filters: usize,
     channels: usize,
 }
 
 impl Order {
-    fn kinds(&self) -> usize {
+    pub fn kinds(&self) -> usize {
         self.channels * self.filters
     }
 
     /// Numbers of one kind in a row.
-    fn pitch(&self) -> usize {
+    pub fn pitch(&self) -> usize {
         self.layout.response_pitch()
     }
 
     /// Numbers in a row.
-    fn row(&self) -> usize {
+    pub fn row(&self) -> usize {
         self.kinds() * self.pitch()
     }
 
     /// Slices that exist in the stack that a row is of.
-    fn lanes(&self, row: usize) -> usize {
+    pub fn lanes(&self, row: usize) -> usize {
         self.layout.lanes(row / self.rows.count)
+    }
+
+    /// The responses among the numbers of a kind.
+    pub fn inside(&self) -> std::ops::Range<usize> {
+        self.layout.responses(self.columns)
     }
 }
 
@@ -100,17 +107,22 @@ impl<'a> Plane<'a> {
         &mut self,
         group: &Group<'_>,
         wanted: &[Vec<Distribution>],
+        second: Option<&Second>,
         monitor: &Monitor<'_>,
     ) -> Result<Squares> {
         let [rows, columns] = self.layout.positions(group.phase);
         let (filters, channels) = (group.filters.len(), self.work.stacks.len());
         let order = Order { layout: self.layout, rows, columns, filters, channels };
         self.respond(group, order, monitor)?;
-        let found = self.distributions(order, monitor)?;
+        let of_row = (order.kinds(), order.pitch(), order.inside());
+        let found = distributions(&self.work.responses, of_row, |row| order.lanes(row), monitor)?;
         let wanted = (0..order.kinds()).map(|i| &wanted[i % filters][i / filters]);
         let corrections: Vec<_> =
             found.iter().zip(wanted).map(|(from, to)| Correction::new(from, to)).collect();
-        let squares = self.apply(&corrections, group, order, monitor)?;
+        if let Some(second) = second {
+            second.prepare(&self.work.responses, order, &mut self.work.second, monitor)?;
+        }
+        let squares = self.apply(&corrections, second, group, order, monitor)?;
         self.spread(group, order, monitor)?;
         Ok(squares)
     }
@@ -135,55 +147,18 @@ impl<'a> Plane<'a> {
         })
     }
 
-    /// Distribution of the responses of each kind.
-    fn distributions(&self, order: Order, monitor: &Monitor<'_>) -> Result<Vec<Distribution>> {
-        let inside = self.layout.responses(order.columns);
-        let rows = || self.work.responses.par_chunks_exact(order.row()).enumerate();
-        let ranges = rows()
-            .map(|(row, values)| {
-                let kinds = values.chunks_exact(order.pitch());
-                kinds.map(|values| range(&values[inside.clone()], order.lanes(row))).collect()
-            })
-            .reduce(
-                || vec![Range::EMPTY; order.kinds()],
-                |a, b: Vec<Range>| a.into_iter().zip(b).map(|(a, b)| a.join(b)).collect(),
-            );
-        monitor.check()?;
-        let counts = rows()
-            .fold(
-                || vec![0u32; order.kinds() * BINS],
-                |mut counts, (row, values)| {
-                    let kinds = values.chunks_exact(order.pitch()).zip(&ranges);
-                    for (counts, (values, range)) in counts.chunks_exact_mut(BINS).zip(kinds) {
-                        for_lanes(&values[inside.clone()], order.lanes(row), |values| {
-                            count(values, *range, counts);
-                        });
-                    }
-                    counts
-                },
-            )
-            .reduce(
-                || vec![0; order.kinds() * BINS],
-                |mut a, b| {
-                    a.iter_mut().zip(&b).for_each(|(a, b)| *a += b);
-                    a
-                },
-            );
-        monitor.check()?;
-        let kinds = ranges.into_iter().zip(counts.chunks_exact(BINS));
-        Ok(kinds.map(|(range, counts)| Distribution::new(range, counts)).collect())
-    }
-
     /// Replaces the responses along the directions by their corrections in the channels.
     fn apply(
         &mut self,
         corrections: &[Correction],
+        second: Option<&Second>,
         group: &Group<'_>,
         order: Order,
         monitor: &Monitor<'_>,
     ) -> Result<Squares> {
-        let inside = self.layout.responses(order.columns);
-        let rows = self.work.responses.par_chunks_exact_mut(order.row()).enumerate();
+        let inside = order.inside();
+        let Workspace { responses, second: room, .. } = &mut *self.work;
+        let rows = responses.par_chunks_exact_mut(order.row()).enumerate();
         let of_rows = rows
             .map(|(row, values)| {
                 monitor.check()?;
@@ -194,6 +169,9 @@ impl<'a> Plane<'a> {
                     for_lanes_mut(values, lanes, |values| correction.apply(values));
                     let sum = sum_of_squares(values);
                     squares.add(Squares { sum, number: order.columns.count * lanes });
+                }
+                if let Some(second) = second {
+                    second.add(room, row, order, values);
                 }
                 mix(values, group, order, true);
                 Ok(squares)
@@ -228,6 +206,50 @@ impl<'a> Plane<'a> {
     }
 }
 
+/// Distribution of the responses of each kind, of rows of `kinds` times `pitch` numbers of which those
+/// `inside` are responses; `lanes` says how many slices the stack of a row has.
+pub(super) fn distributions(
+    responses: &[f32],
+    (kinds, pitch, inside): (usize, usize, std::ops::Range<usize>),
+    lanes: impl Fn(usize) -> usize + Sync,
+    monitor: &Monitor<'_>,
+) -> Result<Vec<Distribution>> {
+    let rows = || responses.par_chunks_exact(kinds * pitch).enumerate();
+    let ranges = rows()
+        .map(|(row, values)| {
+            let kinds = values.chunks_exact(pitch);
+            kinds.map(|values| range(&values[inside.clone()], lanes(row))).collect()
+        })
+        .reduce(
+            || vec![Range::EMPTY; kinds],
+            |a, b: Vec<Range>| a.into_iter().zip(b).map(|(a, b)| a.join(b)).collect(),
+        );
+    monitor.check()?;
+    let counts = rows()
+        .fold(
+            || vec![0u32; kinds * BINS],
+            |mut counts, (row, values)| {
+                let kinds = values.chunks_exact(pitch).zip(&ranges);
+                for (counts, (values, range)) in counts.chunks_exact_mut(BINS).zip(kinds) {
+                    for_lanes(&values[inside.clone()], lanes(row), |values| {
+                        count(values, *range, counts);
+                    });
+                }
+                counts
+            },
+        )
+        .reduce(
+            || vec![0; kinds * BINS],
+            |mut a, b| {
+                a.iter_mut().zip(&b).for_each(|(a, b)| *a += b);
+                a
+            },
+        );
+    monitor.check()?;
+    let kinds = ranges.into_iter().zip(counts.chunks_exact(BINS));
+    Ok(kinds.map(|(range, counts)| Distribution::new(range, counts)).collect())
+}
+
 /// Hands over the values of slices that exist.
 fn for_lanes(values: &[f32], lanes: usize, mut visit: impl FnMut(&[f32])) {
     if lanes == LANES {
@@ -238,7 +260,7 @@ fn for_lanes(values: &[f32], lanes: usize, mut visit: impl FnMut(&[f32])) {
 }
 
 /// Hands over the values of slices that exist, and sets those of the others to zero.
-fn for_lanes_mut(values: &mut [f32], lanes: usize, visit: impl Fn(&mut [f32])) {
+pub(super) fn for_lanes_mut(values: &mut [f32], lanes: usize, visit: impl Fn(&mut [f32])) {
     if lanes == LANES {
         visit(values);
         return;
