@@ -41,15 +41,20 @@ fn responses(c: &mut Criterion) {
             transform.inverse(spectrum, &mut out, &silent)
         });
     });
-    let matching =
-        ResponseMatching::new(&targets, (1, SHAPE), FilterBank::default()).expect("the images fit");
     let mut step = 0;
-    group.bench_function("step, 16 filters of 8 × 8", |b| {
-        b.iter(|| {
-            step += 1;
-            matching.step(&mut volume, &quantiles, Key::new(step), &silent)
+    for (name, deep) in [
+        ("step, 16 filters of 3 × 3", false),
+        ("step, 16 filters of 3 × 3, and responses to responses", true),
+    ] {
+        let bank = FilterBank { deep, ..FilterBank::default() };
+        let matching = ResponseMatching::new(&targets, (1, SHAPE), bank).expect("the images fit");
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                step += 1;
+                matching.step(&mut volume, &quantiles, Key::new(step), &silent)
+            });
         });
-    });
+    }
     group.finish();
 }
 

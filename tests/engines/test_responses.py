@@ -54,6 +54,36 @@ def test_a_step_equals_the_numpy_twin(channels: int, axes: tuple[int, ...], deep
         assert off.mean() < (1.5 if deep else 1.0)
 
 
+def test_images_too_small_for_second_responses_have_first_ones_only() -> None:
+    volume = smooth((6, 7, 8), 1)[None]
+    # Four pixels more than a filter are the least.
+    for edge, alike_ in ((6, True), (7, False)):
+        images = alike([smooth((9, edge), 2)[None]] * 3)
+        shallow, _ = match(volume, images, edge=3)
+        deep, _ = match(volume, images, edge=3, deep=True)
+        assert np.array_equal(shallow, deep) == alike_
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (1, 5, 2), (3, 3, 17)])
+def test_second_responses_of_few_voxels_and_of_one_value(shape: tuple[int, ...]) -> None:
+    volume = smooth((20, 20, 20), 4)[None, : shape[0], : shape[1], : shape[2]]
+    found, energies = match(volume, alike([smooth((12, 9), 5)[None]] * 3), edge=3, deep=True)
+    assert np.isfinite(found).all()
+    assert np.isfinite(energies).all()
+    flat, _ = match(volume, alike([np.full((1, 12, 9), 7, np.float32)] * 3), edge=3, deep=True)
+    assert (flat == 7).all()
+
+
+def test_second_responses_do_not_depend_on_the_threads() -> None:
+    volume = np.stack([smooth((20, 18, 34), c) for c in range(2)])
+    image = np.stack([smooth((24, 24), 7 + c) for c in range(2)])
+    one, two = (
+        match(volume, alike([image] * 3), steps=3, deep=True, threads=threads)[0]
+        for threads in (1, 2)
+    )
+    np.testing.assert_array_equal(one, two)
+
+
 def test_a_start_that_is_cut_has_the_two_point_correlation_of_the_cut_image() -> None:
     solid = smooth((128, 128), 5, 3.0) > 150
     image = np.where(solid, np.float32(200), np.float32(50))[None]

@@ -10,6 +10,7 @@ from tests.references.random_key import Key
 STEP = 2
 GROUP = 4
 BINS = 2048
+STRENGTH = 12
 Target = tuple[int, np.ndarray, bool, float]
 
 
@@ -75,9 +76,9 @@ def first_of_equal(below: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np
     return below + np.arange(len(below)) * 1e-15, edges
 
 
-def responses_inside(image: np.ndarray, taps: np.ndarray) -> np.ndarray:
+def inside(image: np.ndarray, taps: np.ndarray) -> np.ndarray:
     windows = np.lib.stride_tricks.sliding_window_view(image, taps.shape)
-    return (windows * taps).sum((2, 3)).ravel()
+    return (windows * taps).sum((2, 3))
 
 
 def symmetries(taps: np.ndarray, symmetric: bool) -> list[np.ndarray]:
@@ -103,17 +104,17 @@ def power(taps: np.ndarray, axis: int, shape: tuple[int, ...]) -> np.ndarray:
     return np.abs(np.fft.fftn(spread(kernel, taps, axis))) ** 2
 
 
-def left(responses: np.ndarray, pooled: np.ndarray, key: Key, kind: int) -> np.ndarray:
-    """Responses in standard deviations above an offset; of the image, whose all are `pooled`."""
+def scale(pooled: np.ndarray, key: Key, kind: int) -> tuple[float, float]:
+    """Standard deviation of an image's responses, and the offset above which they count."""
     edges, below = cumulative(pooled)
-    middles = (edges[1:] + edges[:-1]) / 2
-    shares = np.diff(below)
-    mean = (shares * middles).sum()
-    deviation = np.sqrt((shares * (middles - mean) ** 2).sum())
-    # Where a random number of 24 bits lies between the outermost tenths.
+    middles, shares = (edges[1:] + edges[:-1]) / 2, np.diff(below)
+    deviation = np.sqrt((shares * (middles - (shares * middles).sum()) ** 2).sum())
     share = 0.1 + 0.8 * unit(key.with_(0), kind)
     counts = np.round(below * pooled.size)
-    offset = edges[np.searchsorted(counts, int(share * pooled.size), side="right")]
+    return deviation, edges[np.searchsorted(counts, int(share * pooled.size), side="right")]
+
+
+def left(responses: np.ndarray, deviation: float, offset: float) -> np.ndarray:
     return np.maximum((responses - offset) / deviation, 0)
 
 
@@ -142,11 +143,11 @@ def second_step(
         [inside(m, turned) for turned in symmetries(taps, symmetric)]
         for m, (taps, _) in zip(mixed, kinds, strict=True)
     ]
-    pooled = [np.concatenate([r.ravel() for r in responses]) for responses in own]
-    above = [
-        [left(r, every, key, i) for r in responses]
-        for i, (responses, every) in enumerate(zip(own, pooled, strict=True))
+    scales = [
+        scale(np.concatenate([r.ravel() for r in responses]), key, i)
+        for i, responses in enumerate(own)
     ]
+    above = [[left(r, *s) for r in responses] for responses, s in zip(own, scales, strict=True)]
     first = [responses[0] for responses in above]
     room = [n - 4 for n in first[0].shape]
     bank = []
@@ -161,9 +162,7 @@ def second_step(
     # The places looked at are a smaller volume, that tiles space as well.
     shape = [looked.any(tuple(b for b in range(3) if b != a)).sum() for a in range(3)]
     small = [f[looked].reshape(shape) for f in found]
-    remains = [
-        left(f, every, key, i) for i, (f, every) in enumerate(zip(small, pooled, strict=True))
-    ]
+    remains = [left(f, *s) for f, s in zip(small, scales, strict=True)]
     asked = [np.zeros(shape) for _ in small]
     for taps in bank:
         response = sum(correlated(r, t, axis) for r, t in zip(remains, taps, strict=True))
@@ -178,20 +177,12 @@ def second_step(
         for i, t in enumerate(taps):
             asked[i] += spread(change, t, axis)
     out = []
-    for i, (change, every) in enumerate(zip(asked, pooled, strict=True)):
-        edges, below = cumulative(every)
-        middles, shares = (edges[1:] + edges[:-1]) / 2, np.diff(below)
-        deviation = np.sqrt((shares * (middles - (shares * middles).sum()) ** 2).sum())
+    for i, (change, (deviation, _)) in enumerate(zip(asked, scales, strict=True)):
         size = sum(np.abs(taps[i]).sum() for taps in bank)
         full = np.zeros(looked.shape)
-        full[looked] = (np.where(remains[i] > 0, 12 * deviation / size * change, 0)).ravel()
+        full[looked] = (np.where(remains[i] > 0, STRENGTH * deviation / size * change, 0)).ravel()
         out.append(full)
     return out
-
-
-def inside(image: np.ndarray, taps: np.ndarray) -> np.ndarray:
-    windows = np.lib.stride_tricks.sliding_window_view(image, taps.shape)
-    return (windows * taps).sum((2, 3))
 
 
 def step(
@@ -235,7 +226,7 @@ def step(
             for direction in directions:
                 found = correlated(np.tensordot(direction, volume, 1), taps, axis)
                 mixed = np.tensordot(direction, image, 1)
-                wanted = [responses_inside(mixed, t) for t in symmetries(taps, symmetric)]
+                wanted = [inside(mixed, t).ravel() for t in symmetries(taps, symmetric)]
                 change = np.zeros(found.shape)
                 change[looked] = transported(found[looked], np.concatenate(wanted)) - found[looked]
                 squares.append(change[looked] ** 2)

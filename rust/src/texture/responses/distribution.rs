@@ -60,6 +60,14 @@ impl Distribution {
         Self { range, below }
     }
 
+    /// Of values.
+    pub fn of(values: &[f32]) -> Self {
+        let range = Range::of(values);
+        let mut counts = vec![0; BINS];
+        count(values, range, &mut counts);
+        Self::new(range, &counts)
+    }
+
     /// Standard deviation, of values in the middle of their bins.
     pub fn deviation(&self) -> f64 {
         let n = self.total().max(1) as f64;

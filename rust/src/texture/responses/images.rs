@@ -1,6 +1,6 @@
 //! Responses of the images.
 
-use super::distribution::{BINS, Distribution, Range, count};
+use super::distribution::Distribution;
 use super::filters::Filter;
 use crate::error::Result;
 use crate::monitor::Monitor;
@@ -24,10 +24,7 @@ pub(super) fn responses(
         for taps in &variants {
             append_responses(&mixed, [ny, nx], taps, filter.edge, &mut responses);
         }
-        let range = Range::of(&responses);
-        let mut counts = vec![0; BINS];
-        count(&responses, range, &mut counts);
-        Ok(Distribution::new(range, &counts))
+        Ok(Distribution::of(&responses))
     };
     filter.directions.chunks_exact(image.channels()).map(of_direction).collect()
 }

@@ -6,8 +6,8 @@
 
 use rayon::prelude::*;
 
-use super::distribution::{BINS, Correction, Distribution, Range, count};
-use super::filters::{Group, SYMMETRIES, turned};
+use super::distribution::{Correction, Distribution};
+use super::filters::{Filter, Group, SYMMETRIES, turned};
 use super::images::{append_responses, mixed};
 use super::planes::{Order, distributions, for_lanes_mut};
 use super::stacks::{Aligned, LANES, add_products};
@@ -18,6 +18,9 @@ use crate::texture::field::Field;
 
 /// Edge of the second filters, places.
 const EDGE: usize = 3;
+
+/// Taps of a second filter on one kind of responses.
+const TAPS: usize = EDGE * EDGE;
 
 /// Pixels from one place to the next: volumes are answered at every second pixel.
 const APART: usize = super::STEP;
@@ -36,18 +39,60 @@ pub(super) struct Second {
     scales: Vec<[f32; 2]>,
     /// Of each filter, taps of all kinds, one kind after the other; their sizes add up to 1.
     taps: Vec<Vec<f32>>,
-    /// Of each kind, what corrections are divided by: the sizes of its taps of all filters.
-    totals: Vec<f32>,
+    /// Of each kind, what is asked of it is multiplied by; 0 where a kind has one response only.
+    factors: Vec<f32>,
     wanted: Vec<Distribution>,
 }
 
-/// Memory that one axis after the other uses.
+/// Memory that one axis after the other uses: row after row of all stacks, in each the rows of all
+/// kinds, or of all second filters, as [`Rows`] says.
 #[derive(Debug, Default)]
 pub(super) struct Room {
-    /// What is left of the responses, row after row of all stacks, in each the rows of all kinds.
+    /// What is left of the responses.
     left: Aligned,
-    /// Responses to it.
+    /// Responses to it, then their corrections.
     responses: Aligned,
+}
+
+/// Where rows of places lie that are long enough to go round.
+#[derive(Debug, Clone, Copy)]
+struct Rows {
+    order: Order,
+    /// Rows of places for each row of a stack.
+    kinds: usize,
+}
+
+impl Rows {
+    /// Numbers of a row of places, without those that go round.
+    fn places(self) -> usize {
+        self.order.columns.count * LANES
+    }
+
+    fn pitch(self) -> usize {
+        self.places() + (EDGE - 1) * LANES
+    }
+
+    /// Numbers of all kinds.
+    fn row(self) -> usize {
+        self.kinds * self.pitch()
+    }
+
+    /// Numbers at the places of a row of one kind, from the `column`-th on.
+    fn at(self, numbers: &[f32], row: usize, kind: usize, column: usize) -> &[f32] {
+        &numbers[row * self.row() + kind * self.pitch() + column * LANES..][..self.places()]
+    }
+
+    /// The row so many after another in its stack.
+    fn below(self, row: usize, steps: usize) -> usize {
+        let n = self.order.rows.count;
+        row - row % n + (row + steps) % n
+    }
+
+    /// The row so many before another in its stack.
+    fn above(self, row: usize, steps: usize) -> usize {
+        let n = self.order.rows.count;
+        row - row % n + (row % n + EDGE * n - steps) % n
+    }
 }
 
 impl Second {
@@ -71,18 +116,9 @@ impl Second {
                 [scale as f32, (-scale * responses.quantile(share)) as f32]
             })
             .collect();
-        let symmetries = if symmetric { SYMMETRIES } else { 1 };
-        let left: Vec<Vec<Vec<f32>>> = (0..symmetries)
-            .into_par_iter()
-            .map(|turn| {
-                monitor.check()?;
-                Ok(left_of_image(image, group, &scales, turn))
-            })
-            .collect::<Result<_>>()?;
-        let [_, ny, nx] = image.shape();
-        let edge = group.filters[0].edge;
-        let size = [ny + 1 - edge, nx + 1 - edge];
-        let inside = size.map(|n| n.saturating_sub(APART * (EDGE - 1)));
+        let left = left_of_image(image, symmetric, group, &scales, monitor)?;
+        let size = [1, 2].map(|axis| image.shape()[axis] + 1 - group.filters[0].edge);
+        let inside = size.map(|n| n - APART * (EDGE - 1));
         let taps: Vec<Vec<f32>> = (0..FILTERS)
             .map(|k| {
                 let key = key.with(1 + k as u64);
@@ -90,11 +126,12 @@ impl Second {
                 difference(&left[0], size[1], places)
             })
             .collect();
-        let sum = |taps: &[f32]| taps.iter().map(|v| v.abs()).sum::<f32>();
-        let of_kind = |kind: usize| {
-            taps.iter().map(|taps| sum(&taps[kind * EDGE * EDGE..][..EDGE * EDGE])).sum()
+        let factor = |(kind, [scale, _]): (usize, &[f32; 2])| {
+            let own = taps.iter().map(|taps| sizes(&taps[kind * TAPS..][..TAPS]));
+            let factor = STRENGTH / (scale * own.sum::<f32>());
+            if factor.is_finite() { factor } else { 0.0 }
         };
-        let totals = (0..kinds).map(of_kind).collect();
+        let factors = scales.iter().enumerate().map(factor).collect();
         let wanted = taps
             .par_iter()
             .map(|taps| {
@@ -103,13 +140,10 @@ impl Second {
                 for (turn, left) in left.iter().enumerate() {
                     respond(left, size, taps, turn, &mut responses);
                 }
-                let range = Range::of(&responses);
-                let mut counts = vec![0; BINS];
-                count(&responses, range, &mut counts);
-                Ok(Distribution::new(range, &counts))
+                Ok(Distribution::of(&responses))
             })
             .collect::<Result<_>>()?;
-        Ok(Self { scales, taps, totals, wanted })
+        Ok(Self { scales, taps, factors, wanted })
     }
 
     /// Whether an image is large enough for filters of this edge and second ones.
@@ -117,7 +151,7 @@ impl Second {
         image.shape()[1..].iter().all(|&n| n >= edge + APART * (EDGE - 1))
     }
 
-    /// Finds in `room` what each kind is asked for: see [`Self::add`].
+    /// Finds in `room` what [`Self::add`] needs.
     pub fn prepare(
         &self,
         responses: &[f32],
@@ -125,57 +159,66 @@ impl Second {
         room: &mut Room,
         monitor: &Monitor<'_>,
     ) -> Result<()> {
-        let wide = (order.columns.count + EDGE - 1) * LANES;
-        let inside = order.inside();
-        let row = order.kinds() * wide;
-        let rows = responses.len() / order.row();
-        let Room { left, responses: second } = room;
-        left.resize(rows * row);
-        left.par_chunks_exact_mut(row).zip(responses.par_chunks_exact(order.row())).for_each(
-            |(left, responses)| {
-                let kinds = responses.chunks_exact(order.pitch()).zip(&self.scales);
-                for (left, (responses, scale)) in left.chunks_exact_mut(wide).zip(kinds) {
-                    cut(&responses[inside.clone()], *scale, left);
-                    wrap(left, order.columns.count);
+        self.cut(responses, order, &mut room.left);
+        self.respond(order, room, monitor)?;
+        self.correct(order, &mut room.responses, monitor)
+    }
+
+    /// What is left of all responses, and then of the first places of each row again.
+    fn cut(&self, responses: &[f32], order: Order, left: &mut Aligned) {
+        let rows = self.first(order);
+        left.resize(responses.len() / order.row() * rows.row());
+        let both =
+            left.par_chunks_exact_mut(rows.row()).zip(responses.par_chunks_exact(order.row()));
+        both.for_each(|(left, responses)| {
+            let kinds = responses.chunks_exact(order.pitch()).zip(&self.scales);
+            for (left, (responses, scale)) in left.chunks_exact_mut(rows.pitch()).zip(kinds) {
+                cut(&responses[order.inside()], *scale, left);
+                for column in 0..EDGE - 1 {
+                    let from = column % order.columns.count * LANES;
+                    left.copy_within(from..from + LANES, rows.places() + column * LANES);
                 }
-            },
-        );
-        let left = &*left;
-        let across = order.rows.count;
-        let place = |kind: usize, j: usize, i: usize| kind * EDGE * EDGE + j * EDGE + i;
-        second.resize(rows * self.taps.len() * wide);
-        second.par_chunks_exact_mut(self.taps.len() * wide).enumerate().try_for_each(
-            |(at, out)| {
-                monitor.check()?;
-                let (stack, y) = (at / across, at % across);
-                for (taps, out) in self.taps.iter().zip(out.chunks_exact_mut(wide)) {
-                    let terms = (0..order.kinds() * EDGE * EDGE).map(|t| {
-                        let (kind, j, i) = (t / (EDGE * EDGE), t / EDGE % EDGE, t % EDGE);
-                        let from = (stack * across + (y + j) % across) * row + kind * wide;
-                        let from = &left[from + i * LANES..][..order.columns.count * LANES];
-                        (taps[place(kind, j, i)], from)
-                    });
-                    // Before the first place there is room for what `add` wraps.
-                    let out = &mut out[(EDGE - 1) * LANES..];
-                    out.fill(0.0);
-                    add_products(out, terms);
-                }
-                Ok(())
-            },
-        )?;
-        let of_second = (self.taps.len(), wide, (EDGE - 1) * LANES..wide);
-        let found = distributions(second, of_second.clone(), |row| order.lanes(row), monitor)?;
-        let corrections: Vec<Correction> =
-            found.iter().zip(&self.wanted).map(|(from, to)| Correction::new(from, to)).collect();
-        second.par_chunks_exact_mut(self.taps.len() * wide).enumerate().for_each(|(at, rows)| {
-            for (values, correction) in rows.chunks_exact_mut(wide).zip(&corrections) {
-                let inside = &mut values[of_second.2.clone()];
-                for_lanes_mut(inside, order.lanes(at), |values| correction.apply(values));
+            }
+        });
+    }
+
+    /// Responses to what is left, after room for those that [`Self::correct`] puts before them.
+    fn respond(&self, order: Order, room: &mut Room, monitor: &Monitor<'_>) -> Result<()> {
+        let (first, second) = (self.first(order), self.second(order));
+        let Room { left, responses } = room;
+        responses.resize(left.len() / first.row() * second.row());
+        responses.par_chunks_exact_mut(second.row()).enumerate().try_for_each(|(row, out)| {
+            monitor.check()?;
+            for (taps, out) in self.taps.iter().zip(out.chunks_exact_mut(second.pitch())) {
+                let terms = taps.iter().enumerate().map(|(t, &tap)| {
+                    let (kind, down, along) = (t / TAPS, t % TAPS / EDGE, t % EDGE);
+                    (tap, first.at(left, first.below(row, down), kind, along))
+                });
+                let out = &mut out[(EDGE - 1) * LANES..];
+                out.fill(0.0);
+                add_products(out, terms);
+            }
+            Ok(())
+        })
+    }
+
+    /// Replaces responses by their corrections, before them those of the last places again.
+    fn correct(&self, order: Order, responses: &mut [f32], monitor: &Monitor<'_>) -> Result<()> {
+        let rows = self.second(order);
+        let inside = (EDGE - 1) * LANES..rows.pitch();
+        let of_row = (rows.kinds, rows.pitch(), inside.clone());
+        let found = distributions(responses, of_row, |row| order.lanes(row), monitor)?;
+        let both = found.iter().zip(&self.wanted);
+        let corrections: Vec<_> = both.map(|(from, to)| Correction::new(from, to)).collect();
+        responses.par_chunks_exact_mut(rows.row()).enumerate().for_each(|(row, values)| {
+            for (values, correction) in values.chunks_exact_mut(rows.pitch()).zip(&corrections) {
+                let own = &mut values[inside.clone()];
+                for_lanes_mut(own, order.lanes(row), |values| correction.apply(values));
                 let count = order.columns.count;
-                for c in 0..EDGE - 1 {
+                for column in 0..EDGE - 1 {
                     // Few columns go round more than once.
-                    let from = (count * EDGE + c - (EDGE - 1)) % count + EDGE - 1;
-                    values.copy_within(from * LANES..(from + 1) * LANES, c * LANES);
+                    let from = (count * EDGE + column - (EDGE - 1)) % count + EDGE - 1;
+                    values.copy_within(from * LANES..(from + 1) * LANES, column * LANES);
                 }
             }
         });
@@ -186,27 +229,28 @@ impl Second {
     /// simultaneous iterative reconstruction (SIRT), [`STRENGTH`] times as long. Where nothing is
     /// left of a response, nothing is asked of it.
     pub fn add(&self, room: &Room, row: usize, order: Order, values: &mut [f32]) {
-        let count = order.columns.count;
-        let wide = (count + EDGE - 1) * LANES;
-        let across = order.rows.count;
-        let (stack, y) = (row / across, row % across);
-        let mut asked = vec![0.0; count * LANES];
+        let (first, second) = (self.first(order), self.second(order));
+        let mut asked = vec![0.0; first.places()];
         for (kind, values) in values.chunks_exact_mut(order.pitch()).enumerate() {
             asked.fill(0.0);
-            let terms = (0..self.taps.len() * EDGE * EDGE).map(|t| {
-                let (k, j, i) = (t / (EDGE * EDGE), t / EDGE % EDGE, t % EDGE);
-                let from = stack * across + (y + EDGE * across - j) % across;
-                let from = (from * self.taps.len() + k) * wide + (EDGE - 1 - i) * LANES;
-                let tap = self.taps[k][kind * EDGE * EDGE + j * EDGE + i];
-                (tap, &room.responses[from..from + count * LANES])
+            let terms = (0..self.taps.len() * TAPS).map(|t| {
+                let (k, down, along) = (t / TAPS, t % TAPS / EDGE, t % EDGE);
+                let from = second.above(row, down);
+                let tap = self.taps[k][kind * TAPS + t % TAPS];
+                (tap, second.at(&room.responses, from, k, EDGE - 1 - along))
             });
             add_products(&mut asked, terms);
-            let left = &room.left[(row * order.kinds() + kind) * wide..][..count * LANES];
-            let factor = STRENGTH / (self.scales[kind][0] * self.totals[kind]);
-            if factor.is_finite() {
-                add_where_left(&mut values[order.inside()], &asked, left, factor);
-            }
+            let left = first.at(&room.left, row, kind, 0);
+            add_where_left(&mut values[order.inside()], &asked, left, self.factors[kind]);
         }
+    }
+
+    fn first(&self, order: Order) -> Rows {
+        Rows { order, kinds: self.scales.len() }
+    }
+
+    fn second(&self, order: Order) -> Rows {
+        Rows { order, kinds: self.taps.len() }
     }
 }
 
@@ -225,35 +269,40 @@ fn add_where_left(values: &mut [f32], asked: &[f32], left: &[f32], factor: f32) 
     }
 }
 
-/// Repeats the first places of a row after its last.
-fn wrap(row: &mut [f32], count: usize) {
-    for c in count..count + EDGE - 1 {
-        let from = c % count * LANES;
-        row.copy_within(from..from + LANES, c * LANES);
-    }
-}
-
-/// What is left of the responses of an image to each kind, with filters turned.
+/// What is left of the responses of an image to each kind, for each symmetry of the filters.
 fn left_of_image(
     image: &Field,
+    symmetric: bool,
     group: &Group<'_>,
     scales: &[[f32; 2]],
-    turn: usize,
-) -> Vec<Vec<f32>> {
+    monitor: &Monitor<'_>,
+) -> Result<Vec<Vec<Vec<f32>>>> {
     let [_, ny, nx] = image.shape();
-    let channels = image.channels();
     let filters = group.filters.len();
-    let of_kind = |(kind, scale): (usize, &[f32; 2])| {
-        let filter = &group.filters[kind % filters];
-        let direction = &filter.directions[kind / filters * channels..][..channels];
-        let taps = turned(&filter.taps, filter.edge, turn);
-        let mut responses = Vec::new();
-        append_responses(&mixed(image, direction), [ny, nx], &taps, filter.edge, &mut responses);
-        let mut left = vec![0.0; responses.len()];
-        cut(&responses, *scale, &mut left);
-        left
+    let kinds: Vec<_> = scales
+        .iter()
+        .enumerate()
+        .map(|(kind, &scale)| {
+            let filter = &group.filters[kind % filters];
+            let directions = filter.directions.chunks_exact(image.channels());
+            let direction = directions.into_iter().nth(kind / filters).unwrap_or_default();
+            (filter, mixed(image, direction), scale)
+        })
+        .collect();
+    let of_symmetry = |symmetry: usize| {
+        monitor.check()?;
+        let of_kind = |(filter, mixed, scale): &(&Filter, Vec<f32>, [f32; 2])| {
+            let taps = turned(&filter.taps, filter.edge, symmetry);
+            let mut responses = Vec::new();
+            append_responses(mixed, [ny, nx], &taps, filter.edge, &mut responses);
+            let mut left = vec![0.0; responses.len()];
+            cut(&responses, *scale, &mut left);
+            left
+        };
+        Ok(kinds.iter().map(of_kind).collect())
     };
-    scales.iter().enumerate().map(of_kind).collect()
+    let symmetries = if symmetric { SYMMETRIES } else { 1 };
+    (0..symmetries).into_par_iter().map(of_symmetry).collect()
 }
 
 /// Appends the responses at all places inside an image to a second filter that is turned as it is.
@@ -265,8 +314,7 @@ fn respond(
     responses: &mut Vec<f32>,
 ) {
     let [height, width] = [ny, nx].map(|n| n - APART * (EDGE - 1));
-    let all: Vec<Vec<f32>> =
-        taps.chunks_exact(EDGE * EDGE).map(|taps| turned(taps, EDGE, turn)).collect();
+    let all: Vec<Vec<f32>> = taps.chunks_exact(TAPS).map(|taps| turned(taps, EDGE, turn)).collect();
     for y in 0..height {
         let start = responses.len();
         responses.resize(start + width, 0.0);
@@ -285,14 +333,14 @@ fn difference(left: &[Vec<f32>], width: usize, places: [[usize; 2]; 2]) -> Vec<f
     let mut taps: Vec<f32> = left
         .iter()
         .flat_map(|left| {
-            (0..EDGE * EDGE).map(|t| {
+            (0..TAPS).map(|t| {
                 let [a, b] = places
                     .map(|[y, x]| left[(y + t / EDGE * APART) * width + x + t % EDGE * APART]);
                 a - b
             })
         })
         .collect();
-    let sum: f32 = taps.iter().map(|v| v.abs()).sum();
+    let sum = sizes(&taps);
     if sum > 0.0 {
         for v in &mut taps {
             *v /= sum;
@@ -303,4 +351,8 @@ fn difference(left: &[Vec<f32>], width: usize, places: [[usize; 2]; 2]) -> Vec<f
         taps.fill(even);
     }
     taps
+}
+
+fn sizes(taps: &[f32]) -> f32 {
+    taps.iter().map(|tap| tap.abs()).sum()
 }
