@@ -266,6 +266,16 @@ def test_filters_suit_the_field(image: Any, parameters: dict[str, Any], edge: in
     assert engine.parameters_.filter_edge == edge
 
 
+def test_second_responses_take_memory_at_the_finest_level_alone() -> None:
+    def memory(**parameters: Any) -> int:
+        engine = SolidTexture(mode="responses", field="intensity", **parameters).fit(colours())
+        return engine.estimate_memory((32, 32, 32))
+
+    without = memory(deep=(False,))
+    assert memory() == memory(deep=(True, True, False)) == without
+    assert memory(levels=2) == memory(deep=(True,)) == without + (3 + 7 * 3) * 32**3
+
+
 def test_images_agree_about_distances() -> None:
     rng = np.random.default_rng(0)
     fields = [

@@ -407,18 +407,21 @@ class SolidTexture:
     def estimate_memory(self, shape: tuple[int, int, int]) -> int:
         """Return the peak memory of `sample` in bytes.
 
-        Per voxel 8 bytes and 21 a field channel with responses, else 4 and 6; where neighbourhoods
-        are matched 20 bytes and 1.5 a field channel for each. Turning distances back into gray
-        values takes 38 bytes a voxel and 4 a channel of the images, turning colours back 18 a
-        channel, if that is more. Per pixel of each constrained axis' image come descriptors: 32
-        bytes, times the number of symmetric copies, with 40 more for the kd-tree. That is 2 to
-        20 % above what was measured on gray, binary, label and colour images, 96³ to 192³.
+        Per voxel 8 bytes and 21 a field channel with responses, else 4 and 6; 3 and 7 more for
+        responses to responses at the finest level; where neighbourhoods are matched 20 bytes and
+        1.5 a field channel for each. Turning distances back into gray values takes 38 bytes a voxel
+        and 4 a channel of the images, turning colours back 18 a channel, if that is more. Per pixel
+        of each constrained axis' image come descriptors: 32 bytes, times the number of symmetric
+        copies, with 40 more for the kd-tree. That is 2 to 20 % above what was measured on gray,
+        binary, label and colour images, 96³ to 192³.
         """
         self._check_fitted()
         p = self.parameters_
         channels = len(self._fields[0])
         aims = targets(self._images, p, self._fields)
         per_voxel = 8.0 + 21 * channels if p.filters > 0 else 4.0 + 6 * channels
+        if p.filters > 0 and p.deep[: p.levels][-1]:
+            per_voxel += 3.0 + 7 * channels
         per_pixel = 0
         if any(p.iterations):
             per_site = 20 + 1.5 * channels
