@@ -73,8 +73,8 @@ def show_pictures() -> None:
         if (PICTURES / f"{name}.png").exists()
     ]
     lines.append(
-        "One pixel a voxel. Struts of bone and foam come out clumpy, and Ketton's round grains are "
-        "lost. `python benches/python/images.py pictures`"
+        "One pixel a voxel. Struts of bone and foam come out clumpy, the surfaces of bone and of "
+        "Ketton limestone too rough, and Ketton's round grains are lost. `python benches/python/images.py pictures`"
     )
     update_readme("images_pictures", "\n\n".join(lines))
 
