@@ -74,7 +74,8 @@ def show_pictures() -> None:
     ]
     lines.append(
         "One pixel a voxel. Struts of bone and foam come out clumpy, the surfaces of bone and of "
-        "Ketton limestone too rough, and Ketton's round grains are lost. `python benches/python/images.py pictures`"
+        "Ketton limestone too rough, and Ketton's round grains are lost. "
+        "`python benches/python/images.py pictures`"
     )
     update_readme("images_pictures", "\n\n".join(lines))
 
