@@ -9,7 +9,6 @@ from tests.references.random_key import Key
 
 STEP = 2
 GROUP = 4
-BINS = 2048
 STRENGTH = 12
 Target = tuple[int, np.ndarray, bool, float]
 
@@ -57,9 +56,11 @@ def cumulative(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     low, high = values.min(), values.max()
     if low == high:
         return np.array([low, high]), np.array([0.0, 1.0])
-    bins = np.clip(((values - low) / (high - low) * BINS).astype(int), 0, BINS - 1)
-    counts = np.bincount(bins, minlength=BINS)
-    return np.linspace(low, high, BINS + 1), np.r_[0.0, np.cumsum(counts) / values.size]
+    # A power of two, that 16 values a bin or fewer come to.
+    number = int(np.clip(2 ** np.ceil(np.log2(max(values.size // 16, 1))), 256, 2048))
+    bins = np.clip(((values - low) / (high - low) * number).astype(int), 0, number - 1)
+    counts = np.bincount(bins, minlength=number)
+    return np.linspace(low, high, number + 1), np.r_[0.0, np.cumsum(counts) / values.size]
 
 
 def transported(values: np.ndarray, wanted: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::distribution::{BINS, Correction, Distribution, Range, count};
+use super::distribution::{Correction, Distribution, Range, bins, count};
 use super::filters::Group;
 use super::second::{Room, Second};
 use super::stacks::{Aligned, LANES, Layout, Positions, add_products, range, sum_of_squares};
@@ -225,12 +225,14 @@ pub(super) fn distributions(
             |a, b: Vec<Range>| a.into_iter().zip(b).map(|(a, b)| a.join(b)).collect(),
         );
     monitor.check()?;
+    let columns = inside.len() / LANES;
+    let bins = bins((0..responses.len() / (kinds * pitch)).map(|row| columns * lanes(row)).sum());
     let counts = rows()
         .fold(
-            || vec![0u32; kinds * BINS],
+            || vec![0u32; kinds * bins],
             |mut counts, (row, values)| {
                 let kinds = values.chunks_exact(pitch).zip(&ranges);
-                for (counts, (values, range)) in counts.chunks_exact_mut(BINS).zip(kinds) {
+                for (counts, (values, range)) in counts.chunks_exact_mut(bins).zip(kinds) {
                     for_lanes(&values[inside.clone()], lanes(row), |values| {
                         count(values, *range, counts);
                     });
@@ -239,14 +241,14 @@ pub(super) fn distributions(
             },
         )
         .reduce(
-            || vec![0; kinds * BINS],
+            || vec![0; kinds * bins],
             |mut a, b| {
                 a.iter_mut().zip(&b).for_each(|(a, b)| *a += b);
                 a
             },
         );
     monitor.check()?;
-    let kinds = ranges.into_iter().zip(counts.chunks_exact(BINS));
+    let kinds = ranges.into_iter().zip(counts.chunks_exact(bins));
     Ok(kinds.map(|(range, counts)| Distribution::new(range, counts)).collect())
 }
 

@@ -10,7 +10,7 @@ use super::distribution::{Correction, Distribution};
 use super::filters::{Filter, Group, SYMMETRIES, turned};
 use super::images::{append_responses, mixed};
 use super::planes::{Order, distributions, for_lanes_mut};
-use super::stacks::{Aligned, LANES, add_products};
+use super::stacks::{Aligned, LANES, add_all_products, add_products};
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::rng::Key;
@@ -189,15 +189,16 @@ impl Second {
         responses.resize(left.len() / first.row() * second.row());
         responses.par_chunks_exact_mut(second.row()).enumerate().try_for_each(|(row, out)| {
             monitor.check()?;
-            for (taps, out) in self.taps.iter().zip(out.chunks_exact_mut(second.pitch())) {
-                let terms = taps.iter().enumerate().map(|(t, &tap)| {
+            out.fill(0.0);
+            let sums =
+                out.chunks_exact_mut(second.pitch()).map(|out| &mut out[(EDGE - 1) * LANES..]);
+            let terms: Vec<&[f32]> = (0..first.kinds * TAPS)
+                .map(|t| {
                     let (kind, down, along) = (t / TAPS, t % TAPS / EDGE, t % EDGE);
-                    (tap, first.at(left, first.below(row, down), kind, along))
-                });
-                let out = &mut out[(EDGE - 1) * LANES..];
-                out.fill(0.0);
-                add_products(out, terms);
-            }
+                    first.at(left, first.below(row, down), kind, along)
+                })
+                .collect();
+            add_all_products(sums.collect(), &terms, |k, t| self.taps[k][t]);
             Ok(())
         })
     }
@@ -230,18 +231,20 @@ impl Second {
     /// left of a response, nothing is asked of it.
     pub fn add(&self, room: &Room, row: usize, order: Order, values: &mut [f32]) {
         let (first, second) = (self.first(order), self.second(order));
-        let mut asked = vec![0.0; first.places()];
-        for (kind, values) in values.chunks_exact_mut(order.pitch()).enumerate() {
-            asked.fill(0.0);
-            let terms = (0..self.taps.len() * TAPS).map(|t| {
+        let mut asked = vec![0.0; first.kinds * first.places()];
+        let terms: Vec<&[f32]> = (0..second.kinds * TAPS)
+            .map(|t| {
                 let (k, down, along) = (t / TAPS, t % TAPS / EDGE, t % EDGE);
-                let from = second.above(row, down);
-                let tap = self.taps[k][kind * TAPS + t % TAPS];
-                (tap, second.at(&room.responses, from, k, EDGE - 1 - along))
-            });
-            add_products(&mut asked, terms);
+                second.at(&room.responses, second.above(row, down), k, EDGE - 1 - along)
+            })
+            .collect();
+        add_all_products(asked.chunks_exact_mut(first.places()).collect(), &terms, |kind, t| {
+            self.taps[t / TAPS][kind * TAPS + t % TAPS]
+        });
+        let kinds = values.chunks_exact_mut(order.pitch()).zip(asked.chunks_exact(first.places()));
+        for (kind, (values, asked)) in kinds.enumerate() {
             let left = first.at(&room.left, row, kind, 0);
-            add_where_left(&mut values[order.inside()], &asked, left, self.factors[kind]);
+            add_where_left(&mut values[order.inside()], asked, left, self.factors[kind]);
         }
     }
 

@@ -17,6 +17,9 @@ pub(super) const LANES: usize = 16;
 /// Products that are added to a sum each time it is loaded.
 const TERMS: usize = 8;
 
+/// Sums that a row is added to at once, and rows that are added to them.
+const SUMS: usize = 4;
+
 /// Numbers of a row that a kernel takes at a time, so that they stay in the innermost cache.
 const BLOCK: usize = 128 * LANES;
 
@@ -223,11 +226,13 @@ impl Layout {
                 &stack[row + self.place(columns.first + i % self.edge)..][..numbers]
             })
             .collect();
-        for (taps, out) in filters {
-            out.fill(0.0);
-            let out = &mut out[self.responses(columns)];
-            add_products(out, taps.iter().copied().zip(from.iter().copied()));
-        }
+        let (taps, sums): (Vec<_>, Vec<_>) = filters
+            .map(|(taps, out)| {
+                out.fill(0.0);
+                (taps, &mut out[self.responses(columns)])
+            })
+            .unzip();
+        add_all_products(sums, &from, |k, t| taps[k][t]);
     }
 
     /// Adds to a row of a stack what the corrections of the responses ask for, the adjoint of
@@ -294,6 +299,58 @@ fn accumulate(out: &mut [f32], t: [f32; TERMS], from: [&[f32]; TERMS]) {
         let first = t[0] * a[x] + t[1] * b[x] + t[2] * c[x] + t[3] * d[x];
         let second = t[4] * e[x] + t[5] * f[x] + t[6] * g[x] + t[7] * h[x];
         out[x] += first + second;
+    }
+}
+
+/// Adds the same rows to several, each time with other factors: `factor` of a sum and a term. Sums are
+/// taken four at a time, so that a row that is loaded serves four.
+pub(super) fn add_all_products(
+    mut sums: Vec<&mut [f32]>,
+    terms: &[&[f32]],
+    factor: impl Fn(usize, usize) -> f32,
+) {
+    for (first, sums) in sums.chunks_mut(SUMS).enumerate() {
+        let first = first * SUMS;
+        if let [a, b, c, d] = sums {
+            let n = a.len();
+            for block in (0..n).step_by(BLOCK / 2).map(|start| start..n.min(start + BLOCK / 2)) {
+                for (t, from) in terms.chunks(SUMS).enumerate() {
+                    // The last few terms are filled up with nothing.
+                    let rows =
+                        std::array::from_fn(|i| &from.get(i).unwrap_or(&from[0])[block.clone()]);
+                    let factors = std::array::from_fn(|i| {
+                        let of =
+                            |s| if i < from.len() { factor(first + s, t * SUMS + i) } else { 0.0 };
+                        std::array::from_fn(of)
+                    });
+                    let [a, b, c, d] = [&mut *a, b, c, d].map(|sum| &mut sum[block.clone()]);
+                    accumulate_four([a, b, c, d], factors, rows);
+                }
+            }
+        } else {
+            for (s, sum) in sums.iter_mut().enumerate() {
+                add_products(
+                    sum,
+                    terms.iter().enumerate().map(|(t, &row)| (factor(first + s, t), row)),
+                );
+            }
+        }
+    }
+}
+
+/// `t` by row, then by sum.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
+fn accumulate_four(sums: [&mut [f32]; SUMS], t: [[f32; SUMS]; SUMS], from: [&[f32]; SUMS]) {
+    let n = from[0].len();
+    let [a, b, c, d] = from.map(|row| &row[..n]);
+    let [p, q, r, s] = sums.map(|sum| &mut sum[..n]);
+    for x in 0..n {
+        let v = [a[x], b[x], c[x], d[x]];
+        let of = |s: usize| t[0][s] * v[0] + t[1][s] * v[1] + t[2][s] * v[2] + t[3][s] * v[3];
+        p[x] += of(0);
+        q[x] += of(1);
+        r[x] += of(2);
+        s[x] += of(3);
     }
 }
 
