@@ -50,9 +50,8 @@ def test_a_step_equals_the_numpy_twin(channels: int, axes: tuple[int, ...], deep
         ranks = np.argsort(np.argsort(want[c].ravel())) / (want[c].size - 1)
         matched = np.quantile(values, ranks).reshape(shape)
         off = np.abs(got[c] - matched)
-        # Ranks of nearly equal values differ, and second responses jump where nothing is left of
-        # the first. Without them it is 15 or more.
-        assert off.mean() < 1.5
+        # Second responses jump where nothing is left of the first; without them it is 15 or more.
+        assert off.mean() < (1.5 if deep else 1.0)
 
 
 def test_images_too_small_for_second_responses_have_first_ones_only() -> None:

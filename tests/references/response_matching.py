@@ -64,12 +64,12 @@ def cumulative(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def transported(values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Values of the same rank of another distribution, both even within their bins."""
+    """Values of the same rank of another distribution: exact at the bins' edges, linear between."""
     edges, below = cumulative(values.ravel())
+    other, other_below = cumulative(wanted)
     flat = edges[0] == edges[-1]
-    ranks = np.full(values.shape, 0.5) if flat else np.interp(values, edges, below)
-    edges, below = cumulative(wanted)
-    return np.interp(ranks, *first_of_equal(below, edges))
+    ranks = np.array([0.5, 0.5]) if flat else below
+    return np.interp(values, edges, np.interp(ranks, *first_of_equal(other_below, other)))
 
 
 def first_of_equal(below: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

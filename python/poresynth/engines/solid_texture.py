@@ -116,7 +116,7 @@ class SolidTexture:
     deep : tuple of bool, default (False, True, False), (False,) in mode "structured"
         Whether responses to what is left of responses above a threshold are matched too, at each
         level, coarse to fine; the last one goes on. They see where edges end and what they meet:
-        the structure error of Ketton limestone was 23 instead of 33 %, of cement paste 23 instead
+        the structure error of Ketton limestone was 24 instead of 33 %, of cement paste 24 instead
         of 33 %. At the coarsest level they repeat the image: novelty of bone 0.35, not 0.59.
     response_steps : tuple of int, default (500, 100, 15), (40, 15, 10) in mode "structured"
         Steps of response matching at each level, coarse to fine; the last number goes on. Long

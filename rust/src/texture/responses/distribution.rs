@@ -7,12 +7,12 @@ const MOST: usize = 2048;
 /// Fewest bins.
 const FEWEST: usize = 256;
 
-/// Values a bin where there are fewer values: of a volume of 32³, a step takes a third less time than
-/// with [`MOST`] bins.
+/// Values for each bin, between the two: of a volume of 32³, a step takes a third less time than with
+/// [`MOST`] bins.
 const VALUES: usize = 16;
 
 /// Bins for so many values.
-pub(super) fn bins(values: usize) -> usize {
+pub(super) fn bins_for(values: usize) -> usize {
     (values / VALUES).next_power_of_two().clamp(FEWEST, MOST)
 }
 
@@ -75,7 +75,7 @@ impl Distribution {
     /// Of values.
     pub fn of(values: &[f32]) -> Self {
         let range = Range::of(values);
-        let mut counts = vec![0; bins(values.len())];
+        let mut counts = vec![0; bins_for(values.len())];
         count(values, range, &mut counts);
         Self::new(range, &counts)
     }

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::distribution::{Correction, Distribution, Range, bins, count};
+use super::distribution::{Correction, Distribution, Range, bins_for, count};
 use super::filters::Group;
 use super::second::{Room, Second};
 use super::stacks::{Aligned, LANES, Layout, Positions, add_products, range, sum_of_squares};
@@ -226,7 +226,8 @@ pub(super) fn distributions(
         );
     monitor.check()?;
     let columns = inside.len() / LANES;
-    let bins = bins((0..responses.len() / (kinds * pitch)).map(|row| columns * lanes(row)).sum());
+    let values = (0..responses.len() / (kinds * pitch)).map(|row| columns * lanes(row)).sum();
+    let bins = bins_for(values);
     let counts = rows()
         .fold(
             || vec![0u32; kinds * bins],

@@ -313,7 +313,7 @@ pub(super) fn add_all_products(
         let first = first * SUMS;
         if let [a, b, c, d] = sums {
             let n = a.len();
-            for block in (0..n).step_by(BLOCK / 2).map(|start| start..n.min(start + BLOCK / 2)) {
+            for block in (0..n).step_by(BLOCK).map(|start| start..n.min(start + BLOCK)) {
                 for (t, from) in terms.chunks(SUMS).enumerate() {
                     // The last few terms are filled up with nothing.
                     let rows =
