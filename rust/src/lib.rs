@@ -9,6 +9,7 @@ pub mod error;
 pub mod fourier;
 pub mod geometry;
 pub mod intensity;
+mod large_pages;
 pub mod monitor;
 pub mod rng;
 pub mod texture;
@@ -19,3 +20,6 @@ pub mod volume;
 
 #[cfg(feature = "python")]
 mod bindings;
+
+#[global_allocator]
+static ALLOCATOR: large_pages::LargePages = large_pages::LargePages;

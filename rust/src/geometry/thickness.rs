@@ -3,19 +3,22 @@
 //!
 //! The ball of a voxel holds the voxels nearer to its centre than the nearest voxel outside
 //! (`diameters`). Most lie in the ball of a neighbour that is as thick, or nearly so (`ridge`). The
-//! others, which are kept by place (`cells`), paint what does not, thickest first (`paint`). Tiles
+//! others, which are kept by place (`cells`), paint what does not, thickest first (`paint`), plane by
+//! plane (`sections`). Tiles
 //! do not depend on each other, so that neither the result nor the work depends on the threads.
 
 mod cells;
 mod diameters;
 mod paint;
 mod ridge;
+mod sections;
 
 use ndarray::{ArrayView3, ArrayViewMut3};
 use rayon::prelude::*;
 
 use self::cells::Cells;
 use self::diameters::Balls;
+use self::sections::Discs;
 use super::distance::transform::{Kept, Lattice};
 use super::distance::window::Lane;
 use super::distance::{Aligned, relative};
@@ -66,9 +69,10 @@ fn fill<T: Lane + Kept<T>>(
     let slabs = ridge::ridge(&balls, space, monitor)?;
     drop(balls);
     let cells = Cells::new(slabs, phase.dim(), space);
-    paint::tiles(out)
-        .into_par_iter()
-        .try_for_each(|(origin, out)| paint::fill(&cells, phase, space, origin, out, monitor))
+    let discs = if space.is_cubic() { Discs::of_cubes(cells.reach()) } else { Discs::none() };
+    paint::tiles(out).into_par_iter().try_for_each(|(origin, out)| {
+        paint::fill((&cells, &discs), phase, space, origin, out, monitor)
+    })
 }
 
 /// Where voxels are, in units in which most squared distances are whole numbers.

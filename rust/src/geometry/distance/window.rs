@@ -300,25 +300,25 @@ pub(super) fn count_back(next: &mut [u16], since: &[u16]) {
 #[inline(always)]
 fn minima<T: Lane>(line: &Line<'_, T>, steps: &Steps<T>, out: &mut [T]) -> bool {
     let ahead = steps.half * line.step;
+    let squares = &steps.squares;
     let mut at = line.start;
     for least in out.as_chunks_mut().0 {
         *least = [steps.limit; LANES];
         let asked = line.asked(at);
-        let mut most = lower::<T, 1>(least, asked, line, &steps.squares, at, at + ahead);
+        lower::<T, 1>(least, line, squares, at, at + ahead);
         let mut k = 1;
-        if most > steps.squares[1] && steps.farthest >= 1 {
+        if steps.farthest >= 1 && exceed(least, asked, squares[1]) {
             let reach = line.step;
-            let squares = &steps.squares[1..];
-            most = lower::<T, 1>(least, asked, line, squares, at - reach, at + ahead + reach);
+            lower::<T, 1>(least, line, &squares[1..], at - reach, at + ahead + reach);
             k = 2;
         }
-        while most > steps.squares[k] && k <= steps.farthest {
+        while k <= steps.farthest && exceed(least, asked, squares[k]) {
             let reach = k * line.step;
-            let squares = &steps.squares[k..];
-            most = lower::<T, STRIDE>(least, asked, line, squares, at - reach, at + ahead + reach);
+            lower::<T, STRIDE>(least, line, &squares[k..], at - reach, at + ahead + reach);
             k += STRIDE;
         }
-        if (most == T::FAR && !steps.far) || (most > steps.squares[k] && !steps.complete) {
+        let unknown = !steps.complete && exceed(least, asked, squares[k]);
+        if unknown || (!steps.far && any_far(least, asked)) {
             return false;
         }
         at += LANES;
@@ -326,35 +326,54 @@ fn minima<T: Lane>(line: &Line<'_, T>, steps: &Steps<T>, out: &mut [T]) -> bool 
     true
 }
 
-/// Lowers minima by the values at N pairs of places, each a step further out; returns the largest of
-/// those asked for.
+/// Lowers minima by the values at N pairs of places, each a step further out.
 #[inline(always)]
 fn lower<T: Lane, const N: usize>(
     least: &mut [T; LANES],
-    asked: usize,
     line: &Line<'_, T>,
     squares: &[T],
     before: usize,
     after: usize,
-) -> T {
+) {
     let span = (N - 1) * line.step;
     let before = &line.values[before - span..][..span + LANES];
     let after = &line.values[after..][..span + LANES];
-    let mut most = *least;
+    let mut lowered = *least;
     for j in 0..N {
         let square = squares[j];
         let before = &before[span - j * line.step..][..LANES];
         let after = &after[j * line.step..][..LANES];
         for i in 0..LANES {
-            most[i] = smaller(most[i], smaller(before[i], after[i]).plus(square));
+            lowered[i] = smaller(lowered[i], smaller(before[i], after[i]).plus(square));
         }
     }
-    *least = most;
+    *least = lowered;
+}
+
+/// Whether one of those asked for is larger than a square: cheaper than to find the largest.
+#[inline(always)]
+fn exceed<T: Lane>(least: &[T; LANES], asked: usize, square: T) -> bool {
     if asked < LANES {
-        let first = most[0];
-        most[asked..].fill(first);
+        return least[..asked].iter().any(|&value| value > square);
     }
-    largest(&most)
+    let mut any = false;
+    for &value in least {
+        any |= value > square;
+    }
+    any
+}
+
+/// Whether one of those asked for is [`Lane::FAR`].
+#[inline(always)]
+fn any_far<T: Lane>(least: &[T; LANES], asked: usize) -> bool {
+    if asked < LANES {
+        return least[..asked].contains(&T::FAR);
+    }
+    let mut any = false;
+    for &value in least {
+        any |= value == T::FAR;
+    }
+    any
 }
 
 /// Halves the values, a power of two, until one is left, which vectorises.

@@ -85,6 +85,11 @@ impl Cells {
         Self { slabs, reach, edges: shape.into(), size, boundary: space.boundary }
     }
 
+    /// The largest reach of all.
+    pub(super) const fn reach(&self) -> f32 {
+        self.reach
+    }
+
     /// The balls that reach into a block, thickest first.
     pub(super) fn reaching(&self, extent: &Extent) -> Vec<Placed> {
         let [along_z, along_y, along_x] = [0, 1, 2].map(|axis| self.reaching_along(extent, axis));

@@ -6,15 +6,13 @@ use ndarray::{ArrayView3, ArrayViewMut3, Axis, s};
 use super::Space;
 use super::cells::{Cells, Extent, Placed};
 use super::ridge::Ball;
+use super::sections::{Discs, LANES, Roots, Section};
 use crate::bits::pack;
 use crate::error::Result;
 use crate::monitor::Monitor;
 
 /// Edge of a tile in voxels: a row is a word of bits.
 pub(super) const TILE: usize = u64::BITS as usize;
-
-/// Rows that are compared with a ball at once.
-const LANES: usize = 8;
 
 /// Words of a plane: a few more than there are rows, so that lanes may go on beyond the last.
 const PLANE: usize = TILE + LANES;
@@ -40,7 +38,7 @@ pub(super) fn tiles(out: ArrayViewMut3<'_, f32>) -> Vec<([usize; 3], ArrayViewMu
 
 /// Writes the thickness of a tile.
 pub(super) fn fill(
-    cells: &Cells,
+    (cells, discs): (&Cells, &Discs),
     phase: ArrayView3<'_, bool>,
     space: &Space,
     origin: [usize; 3],
@@ -59,7 +57,7 @@ pub(super) fn fill(
     let extent = Extent { low, high: [0, 1, 2].map(|i| low[i] + [z, y, x][i] as i32 - 1) };
     for balls in cells.reaching(&extent).chunks(1024) {
         monitor.check()?;
-        paint(&mut tile, balls, space);
+        paint(&mut tile, balls, space, discs);
         if tile.planes == 0 {
             break;
         }
@@ -78,9 +76,11 @@ pub(super) fn fill(
     "x86_64+avx512f+avx512bw+avx512vl+avx512dq+bmi1+bmi2",
     "x86_64+avx2+bmi1+bmi2"
 ))]
-fn paint(tile: &mut Tile, balls: &[Placed], space: &Space) {
+fn paint(tile: &mut Tile, balls: &[Placed], space: &Space, discs: &Discs) {
+    let size = space.size.map(|edge| edge as f32);
     for ball in balls {
-        tile.paint(ball, space);
+        let diameter = space.diameter(ball.ball.rank);
+        tile.paint(ball, diameter, size, discs);
     }
 }
 
@@ -121,47 +121,36 @@ impl Tile {
     /// Gives the voxels of a ball that wait its diameter, but for those in its neighbour's ball: that
     /// one came before, or one that has the same voxels did.
     #[inline(always)]
-    fn paint(&mut self, placed: &Placed, space: &Space) {
-        let size = space.size.map(|edge| edge as f32);
+    fn paint(&mut self, placed: &Placed, diameter: f32, size: [f32; 3], discs: &Discs) {
         let extents = extents(&placed.ball, size);
-        let [depths, heights, widths] = [0, 1, 2].map(|i| span(placed.at[i], extents[i]));
+        // Axis by axis: `map` is not inlined into what is compiled for the processor.
+        let depths = span(placed.at[0], extents[0]);
+        let heights = span(placed.at[1], extents[1]);
+        let widths = span(placed.at[2], extents[2]);
+        let tabled = discs.hold(&placed.ball);
         let mut planes = self.planes & depths;
-        let diameter = space.diameter(placed.ball.rank);
         while planes != 0 {
             let z = planes.trailing_zeros() as usize;
             planes &= planes - 1;
             let rows = self.rows[z] & heights;
-            if rows != 0 {
-                self.paint_plane(placed, diameter, size, z, [rows, widths]);
+            if rows == 0 {
+                continue;
+            }
+            if tabled {
+                self.paint_plane(&discs.section(placed, z), diameter, z, rows);
+            } else {
+                self.paint_plane(&Roots::new(placed, z, size, widths), diameter, z, rows);
             }
         }
     }
 
     #[inline(always)]
-    fn paint_plane(
-        &mut self,
-        placed: &Placed,
-        diameter: f32,
-        size: [f32; 3],
-        z: usize,
-        [rows, widths]: [u64; 2],
-    ) {
-        let Placed { at, ball } = *placed;
-        let [step_z, step_y, step_x] = ball.step.map(i32::from);
-        let dz = z as i32 - at[0];
-        let slice = Slice {
-            own: ball.reach - square(dz, size[0]),
-            other: ball.neighbour - square(dz - step_z, size[0]),
-            at: [at[2], at[2] + step_x],
-            widths,
-            size: [size[1], size[2], size[2].recip()],
-        };
+    fn paint_plane(&mut self, section: &impl Section, diameter: f32, z: usize, rows: u64) {
         let (first, last) = (rows.trailing_zeros(), u64::BITS - rows.leading_zeros());
         for y in (first as usize..last as usize).step_by(LANES) {
-            let dy = y as i32 - at[1];
             let Some(words) = self.waiting[z * PLANE + y..].first_chunk_mut() else { continue };
             let mut hits = [0; LANES];
-            if !find_hits(&slice, [dy, dy - step_y], words, &mut hits) {
+            if !section.find_hits(y, words, &mut hits) {
                 continue;
             }
             for (i, mut bits) in hits.into_iter().enumerate().filter(|(_, bits)| *bits != 0) {
@@ -182,11 +171,6 @@ impl Tile {
     }
 }
 
-fn square(steps: i32, size: f32) -> f32 {
-    let distance = steps as f32 * size;
-    distance * distance
-}
-
 /// The places of a tile from one step from a place to another, as bits.
 #[inline(always)]
 fn span(at: i32, (low, high): (i32, i32)) -> u64 {
@@ -200,82 +184,36 @@ fn span(at: i32, (low, high): (i32, i32)) -> u64 {
 #[inline(always)]
 fn extents(ball: &Ball, size: [f32; 3]) -> [(i32, i32); 3] {
     let radius = ball.reach.sqrt();
-    let slack = 1e-3 * (1.0 + radius);
+    let mut ends = [(-radius, radius); 3];
+    if ball.neighbour > 0.0 {
+        // What is left lies in the cap that begins so far out in the direction away from the
+        // neighbour: it ends at its rim, or where the ball does if that is in the cap.
+        let mut away = [0.0; 3];
+        let mut square = 0.0;
+        for axis in 0..3 {
+            away[axis] = -f32::from(ball.step[axis]) * size[axis];
+            square += away[axis] * away[axis];
+        }
+        let length = square.sqrt();
+        let begins = (ball.neighbour - square - ball.reach) / (2.0 * length);
+        let rim = (ball.reach - begins * begins).max(0.0);
+        for axis in 0..3 {
+            let cosine = away[axis] / length;
+            let rim = (rim * (1.0 - cosine * cosine).max(0.0)).sqrt();
+            if -radius * cosine < begins {
+                ends[axis].0 = begins * cosine - rim;
+            }
+            if radius * cosine < begins {
+                ends[axis].1 = begins * cosine + rim;
+            }
+        }
+    }
     // Truncation is towards the middle, by less than a step.
-    let steps = |low: f32, high: f32, axis: usize| {
-        (((low - slack) / size[axis]) as i32, ((high + slack) / size[axis]) as i32)
-    };
-    if ball.neighbour <= 0.0 {
-        return [0, 1, 2].map(|axis| steps(-radius, radius, axis));
+    let slack = 1e-3 * (1.0 + radius);
+    let mut steps = [(0, 0); 3];
+    for axis in 0..3 {
+        let (low, high) = ends[axis];
+        steps[axis] = (((low - slack) / size[axis]) as i32, ((high + slack) / size[axis]) as i32);
     }
-    // What is left lies in the cap that begins so far out in the direction away from the neighbour:
-    // it ends at its rim, or where the ball does if that is in the cap.
-    let away = [0, 1, 2].map(|axis| -f32::from(ball.step[axis]) * size[axis]);
-    let square = away[0] * away[0] + away[1] * away[1] + away[2] * away[2];
-    let length = square.sqrt();
-    let begins = (ball.neighbour - square - ball.reach) / (2.0 * length);
-    let rim = (ball.reach - begins * begins).max(0.0);
-    [0, 1, 2].map(|axis| {
-        let cosine = away[axis] / length;
-        let rim = (rim * (1.0 - cosine * cosine).max(0.0)).sqrt();
-        let low = if -radius * cosine < begins { begins * cosine - rim } else { -radius };
-        let high = if radius * cosine < begins { begins * cosine + rim } else { radius };
-        steps(low, high, axis)
-    })
-}
-
-/// A ball and that of its neighbour in a plane of a tile.
-struct Slice {
-    /// Squares that steps in the plane must be less than, from the middle of either.
-    own: f32,
-    other: f32,
-    /// Where either middle is along x.
-    at: [i32; 2],
-    /// Where what lies in the ball and not in its neighbour's may be along x, as bits.
-    widths: u64,
-    /// Edges of a voxel along y and x, and one by the last.
-    size: [f32; 3],
-}
-
-/// Finds the voxels of some rows that wait and lie in a ball but not in its neighbour's; false if
-/// there are none. `dy` are the steps from either middle to the first row.
-#[inline(always)]
-fn find_hits(slice: &Slice, dy: [i32; 2], words: &[u64; LANES], hits: &mut [u64; LANES]) -> bool {
-    // Most often no one waits there, which is seen sooner than the balls are.
-    let mut any = 0;
-    for word in words {
-        any |= word & slice.widths;
-    }
-    if any == 0 {
-        return false;
-    }
-    any = 0;
-    for i in 0..LANES {
-        let own = row_of(slice.own, dy[0] + i as i32, slice.at[0], slice.size);
-        let other = row_of(slice.other, dy[1] + i as i32, slice.at[1], slice.size);
-        hits[i] = own & !other & words[i];
-        any |= hits[i];
-    }
-    any != 0
-}
-
-/// Adding this to a small whole number leaves it in the last bits, which takes one instruction.
-const WHOLE: f32 = 12_582_912.0;
-
-/// The voxels of a row that lie in a ball, as bits.
-#[inline(always)]
-fn row_of(square: f32, dy: i32, at: i32, size: [f32; 3]) -> u64 {
-    let off = dy as f32 * size[0];
-    let square = square - off * off;
-    let root = if square > 0.0 { square.sqrt() } else { 0.0 };
-    let steps = (root * size[2]).floor();
-    let length = steps * size[1];
-    let steps = if length * length < square { steps } else { steps - 1.0 };
-    let steps = (steps + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32;
-    let last = TILE as i32 - 1;
-    let (low, high) = (at - steps, at + steps);
-    let low = if low > 0 { low } else { 0 };
-    let high = if high < last { high } else { last };
-    let bits = (u64::MAX << (low & last)) & (u64::MAX >> ((last - high) & last));
-    if low <= high { bits } else { 0 }
+    steps
 }

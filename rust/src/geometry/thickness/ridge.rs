@@ -34,7 +34,7 @@ pub(super) struct Ball {
     pub at: [u16; 3],
     /// The step to the neighbour as thick whose ball leaves least of this one.
     pub step: [i8; 3],
-    /// The ball holds the voxels nearer than the root of this.
+    /// The ball holds the voxels nearer than the root of this, which is between two that can be.
     pub reach: f32,
     /// The same of the neighbour's; 0 if there is none as thick.
     pub neighbour: f32,
@@ -184,8 +184,8 @@ impl Rows {
         Ball {
             at: at.map(|i| i as u16),
             step: neighbour.map_or([0; 3], |i| step(i).map(|step| step as i8)),
-            reach: reach * needed.inside,
-            neighbour: neighbour.map_or(0.0, |i| around.reach[i] * needed.inside),
+            reach: needed.inside(reach),
+            neighbour: neighbour.map_or(0.0, |i| needed.inside(around.reach[i])),
             rank,
         }
     }
@@ -259,8 +259,7 @@ struct Needed {
     table: Option<Vec<[f32; 3]>>,
     /// Distance of each neighbour; never 0.
     lengths: [f32; BLOCK],
-    /// What squares are multiplied by so that a rounded one does not reach the voxels outside.
-    inside: f32,
+    cubic: bool,
 }
 
 impl Needed {
@@ -274,8 +273,14 @@ impl Needed {
                 let along = |axis: usize| (f64::from(step[axis]) * space.size[axis]).powi(2);
                 (0..3).map(along).sum::<f64>().sqrt() as f32
             }),
-            inside: if space.is_cubic() { 1.0 } else { 1.0 - 1e-6 },
+            cubic: space.is_cubic(),
         }
+    }
+
+    /// Takes so much off a square that no rounding reaches the voxels outside. Between the voxels of
+    /// a cubic lattice squares are multiples of 4.
+    fn inside(&self, square: f32) -> f32 {
+        if self.cubic { square - 2.0 } else { square * (1.0 - 1e-6) }
     }
 
     /// Where squares are whole numbers, a ball of a voxel may lie in that of a neighbour though its

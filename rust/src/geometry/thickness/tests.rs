@@ -1,6 +1,9 @@
 use ndarray::{Array3, s};
 use proptest::prelude::*;
 
+use super::cells::Placed;
+use super::ridge::Ball;
+use super::sections::{LANES, Roots, Section};
 use super::*;
 use crate::geometry::distance::distance_transform;
 use crate::threads::with_threads;
@@ -66,6 +69,52 @@ proptest! {
         fill(wide, &space, phase.view(), again.view_mut(), &monitor).unwrap();
         prop_assert_eq!(&found, &again);
     }
+}
+
+/// A square less than which voxels are, in half voxels, as balls have it.
+fn reach(square: i32) -> f32 {
+    (4 * square - 2) as f32
+}
+
+proptest! {
+    #[test]
+    fn discs_are_what_roots_find(
+        own in 1..961i32,
+        other in 0..961i32,
+        step in [-1..2i8, -1..2i8, -1..2i8],
+        off in [-1.0..1.0f64, -1.0..1.0f64, -1.0..1.0f64],
+        voxel in [0..64i32, 0..64i32, 0..64i32],
+        waiting: [u64; LANES],
+    ) {
+        // The ball has a voxel in the rows that are looked at.
+        let radius = f64::from(own - 1).sqrt();
+        let length = off.iter().map(|a| a * a).sum::<f64>().sqrt().max(1.0);
+        let at = [0, 1, 2].map(|i| voxel[i] + (off[i] / length * radius) as i32);
+        let neighbour = if other == 0 { 0.0 } else { reach(other) };
+        let ball = Ball { step, reach: reach(own), neighbour, ..Ball::default() };
+        let placed = Placed { at, ball };
+        let discs = Discs::of_cubes(reach(own.max(other) + 1));
+        prop_assert!(discs.hold(&ball));
+        let (z, y) = (voxel[0] as usize, voxel[1] as usize);
+        let (mut hits, mut expected) = ([0; LANES], [0; LANES]);
+        let found = discs.section(&placed, z).find_hits(y, &waiting, &mut hits);
+        let roots = Roots::new(&placed, z, [2.0; 3], u64::MAX);
+        prop_assert_eq!(found, roots.find_hits(y, &waiting, &mut expected));
+        prop_assert_eq!(hits, expected);
+    }
+}
+
+#[test]
+fn balls_that_the_table_of_discs_is_too_small_for() {
+    // One voxel outside, in a corner: the ball in the opposite one holds all others.
+    let phase = Array3::from_shape_fn((42, 42, 42), |(z, y, x)| z * z + y * y + x * x >= 1);
+    let found = thickness(phase.view(), [1.0; 3], Boundary::Open);
+    let space = Space::new([1.0; 3], Boundary::Open);
+    let balls = Balls::<u16>::new(phase.view(), &space, &Monitor::silent()).unwrap().unwrap();
+    let diameters = balls.rank.mapv(|rank| space.diameter(f32::from(rank)));
+    let largest = diameters.iter().copied().fold(0.0, f32::max);
+    assert!(largest > 100.0);
+    assert!(found.iter().skip(1).all(|&t| t >= largest), "{largest}");
 }
 
 #[test]
