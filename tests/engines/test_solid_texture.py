@@ -10,6 +10,7 @@ import pytest
 from scipy import ndimage
 
 from poresynth import _core
+from poresynth.engines import mode_choice
 from poresynth.engines.image_fields import agreed
 from poresynth.engines.roughness import interface_density, smoothing_like
 from poresynth.engines.solid_texture import SolidTexture
@@ -186,12 +187,23 @@ def test_the_published_methods_run(preset: str) -> None:
     assert abs(made.array.mean() - grays().mean()) < 0.5
 
 
-def test_without_a_named_mode_the_better_slices_decide() -> None:
+@pytest.mark.parametrize("best", [0.0, 100.0])
+def test_without_a_named_mode_the_better_slices_decide(
+    best: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mode_choice, "BEST", best)
     engine = SolidTexture(response_steps=(4, 2), filters=4, levels=2).fit(blobs())
-    assert engine.mode_ in ("responses", "structured")
     assert "responses" in engine.mode_reason_
-    assert "structured" in engine.mode_reason_
     assert engine.parameters_.mode == engine.mode_
+    if best == 0:
+        assert engine.mode_ in ("responses", "structured")
+        assert "structured" in engine.mode_reason_
+    else:
+        assert engine.mode_ == "responses", "a trial with neighbourhoods could not be better"
+        assert "structured" not in engine.mode_reason_
+
+
+def test_colours_are_kept_together() -> None:
     assert SolidTexture(levels=2).fit(colours()).mode_ == "structured"
 
 
@@ -293,6 +305,21 @@ def test_images_agree_about_distances() -> None:
             assert np.abs(wanted - found).max() <= 1.5
     assert agreed(fields[:1])[0] is fields[0]
     assert all(np.array_equal(made, fields[0]) for made in agreed([fields[0], fields[0]]))
+
+
+def test_gray_images_agree_about_values_and_colours_stay_together() -> None:
+    dark, bright = grays(0), np.clip(grays(1) + np.uint8(30), 0, 255).astype(np.uint8)
+    engine = SolidTexture(**FAST, field="intensity", axes=("z", "x")).fit([dark, bright])
+    low, high = (np.quantile(field, [0.1, 0.5, 0.9]) for field in engine._fields)
+    assert np.abs(low - high).max() < 2.0
+    published = SolidTexture(preset="prieto", levels=2, axes=("z", "x")).fit([dark, bright])
+    low, high = (np.quantile(field, 0.5) for field in published._fields)
+    assert high - low > 5.0, "the papers' presets take images as they are"
+    pair = [colours(0), colours(1)]
+    alone = SolidTexture(**FAST).fit(np.concatenate(pair))._fields[0]
+    both = SolidTexture(**FAST, axes=("z", "x")).fit(pair)._fields
+    # One scale and one set of directions for both, and nothing else.
+    np.testing.assert_allclose(np.concatenate(both, axis=2), alone, rtol=0, atol=1e-3)
 
 
 def test_interfaces_are_counted_in_the_plane() -> None:

@@ -209,14 +209,15 @@ def _filled(sums: npt.NDArray[Any], counts: npt.NDArray[np.intp]) -> Field:
 def agreed(fields: list[Field]) -> list[Field]:
     """Give each channel of all images the distribution that it has on all of them together.
 
-    A voxel lies in planes across all axes and has one distance, so that its distribution is one.
+    A voxel lies in planes across all axes and has one value, so that its distribution is one.
     Images that ask for several would pull at each voxel without an end: with three slices of bone
-    the D2 of sections was 17.5 instead of 10.2 %, and the gradient 22 instead of 7 % too high.
+    the D2 of sections was 17.5 instead of 10.2 %, and the gradient 22 instead of 7 % too high; with
+    the gray values of three slices of cement paste it was 10 % too high, and is right.
 
     Parameters
     ----------
     fields : list of numpy.ndarray
-        Of each image the distances, shape (channel, 1, y, x).
+        Of each image the field, shape (channel, 1, y, x).
 
     Returns
     -------
