@@ -41,7 +41,7 @@ class SolidParameters(BaseModel):
     levels: int = Field(3, ge=1, le=6)
     filters: int = Field(16, ge=0, le=256)
     filter_edge: int | None = Field(None, ge=2, le=32)
-    response_steps: tuple[Count, ...] = Field((500, 100, 15), min_length=1)
+    response_steps: tuple[Count, ...] = Field((300, 60, 15), min_length=1)
     deep: tuple[bool, ...] = Field((False, True, False), min_length=1)
     final_steps: int = Field(0, ge=0, le=1000)
     windows: tuple[Window, ...] = Field((8,), min_length=1, max_length=8)

@@ -118,9 +118,10 @@ class SolidTexture:
         level, coarse to fine; the last one goes on. They see where edges end and what they meet:
         the structure error of Ketton limestone was 24 instead of 33 %, of cement paste 24 instead
         of 33 %. At the coarsest level they repeat the image: novelty of bone 0.35, not 0.59.
-    response_steps : tuple of int, default (500, 100, 15), (40, 15, 10) in mode "structured"
+    response_steps : tuple of int, default (300, 60, 15), (40, 15, 10) in mode "structured"
         Steps of response matching at each level, coarse to fine; the last number goes on. Long
-        struts come of those at the coarsest level, where they cost little.
+        struts come of those at the coarsest level, where they cost little: with 200 and 40 bone and
+        Ketton limestone lose 2 to 3 % of structure error, with 500 and 100 nothing is gained.
     final_steps : int, default 0
         Steps of response matching after the last neighbourhoods.
     windows : tuple of int, default (8,)
