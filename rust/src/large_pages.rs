@@ -40,14 +40,17 @@ unsafe impl GlobalAlloc for LargePages {
     }
 }
 
+fn advise(block: *mut u8, size: usize) {
+    if size >= LARGE && !block.is_null() {
+        ask(block, size);
+    }
+}
+
 /// Asks for large pages in a block. It is advice: where it is refused, the block is as good.
 #[cfg(target_os = "linux")]
-fn advise(block: *mut u8, size: usize) {
+fn ask(block: *mut u8, size: usize) {
     /// Where pages are longer, the advice is refused.
     const PAGE: usize = 1 << 12;
-    if block.is_null() || size < LARGE {
-        return;
-    }
     let before = block.align_offset(PAGE);
     let length = (size - before) / PAGE * PAGE;
     // SAFETY: The range lies in the block; the advice does not touch what it holds.
@@ -57,7 +60,7 @@ fn advise(block: *mut u8, size: usize) {
 }
 
 #[cfg(not(target_os = "linux"))]
-fn advise(_: *mut u8, _: usize) {}
+fn ask(_: *mut u8, _: usize) {}
 
 #[cfg(test)]
 mod tests {

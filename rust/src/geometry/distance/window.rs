@@ -376,22 +376,6 @@ fn any_far<T: Lane>(least: &[T; LANES], asked: usize) -> bool {
     any
 }
 
-/// Halves the values, a power of two, until one is left, which vectorises.
-#[inline(always)]
-pub(crate) fn largest<T: Copy + PartialOrd, const N: usize>(values: &[T; N]) -> T {
-    let mut values = *values;
-    let mut width = N / 2;
-    while width > 0 {
-        for i in 0..width {
-            if values[i + width] > values[i] {
-                values[i] = values[i + width];
-            }
-        }
-        width /= 2;
-    }
-    values[0]
-}
-
 /// Unlike `f32::min`, one instruction; there is no NaN here.
 #[inline(always)]
 fn smaller<T: PartialOrd>(a: T, b: T) -> T {

@@ -9,7 +9,7 @@ use super::cells::{CELL, Slab};
 use super::diameters::Balls;
 use crate::error::Result;
 use crate::geometry::distance::transform::Kept;
-use crate::geometry::distance::window::{Lane, largest};
+use crate::geometry::distance::window::Lane;
 use crate::monitor::Monitor;
 use crate::volume::Boundary;
 
@@ -216,6 +216,22 @@ fn leaves_least(around: &Around, later: u32, lengths: &[f32; BLOCK]) -> Option<u
         which |= u32::from(from >= most) << i;
     }
     (most > f32::NEG_INFINITY).then_some(which.trailing_zeros() as usize)
+}
+
+/// Halves the values, a power of two, until one is left, which vectorises.
+#[inline(always)]
+fn largest<const N: usize>(values: &[f32; N]) -> f32 {
+    let mut values = *values;
+    let mut width = N / 2;
+    while width > 0 {
+        for i in 0..width {
+            if values[i + width] > values[i] {
+                values[i] = values[i + width];
+            }
+        }
+        width /= 2;
+    }
+    values[0]
 }
 
 /// Which neighbours come later in the volume than a voxel, as bits.
