@@ -48,6 +48,7 @@ RUST_GROUND = {"bits", "error", "fourier", "rng", "volume", "monitor", "threads"
 AREAS = {"texture", "intensity", "topology", "geometry", "correlation", "transport"}
 RUST_ARROWS = {
     "bits": set(),
+    "large_pages": set(),
     "error": set(),
     "rng": {"error"},
     "volume": {"error"},

@@ -1,7 +1,7 @@
 //! Kernels of poresynth: synthesis of porous volumes by example, and their measurement.
 //!
 //! Ground floor: [`error`], [`rng`], [`volume`], [`fourier`], [`monitor`], [`threads`]. Above it one module an
-//! area. Only `bindings` (feature `python`) knows Python.
+//! area. Only `bindings` (feature `python`) knows Python. All memory comes by way of `large_pages`.
 
 mod bits;
 pub mod correlation;
