@@ -121,8 +121,8 @@ class SolidTexture:
     response_steps : tuple of int, default (300, 60, 15), (40, 15, 10) in mode "structured"
         Steps of response matching at each level, coarse to fine; the last number goes on. Long
         struts come of those at the coarsest level, where they cost little: with 200 and 40 the
-        structure error of bone and of Ketton limestone is 2 % more, with 500 and 100 it is 1 and 2 %
-        less, both within the noise of 8 %.
+        structure error of bone and of Ketton limestone is 2 % more, with 500 and 100 it is 1 and
+        2 % less, both within the noise of 8 %.
     final_steps : int, default 0
         Steps of response matching after the last neighbourhoods.
     windows : tuple of int, default (8,)
