@@ -307,7 +307,7 @@ def test_images_agree_about_distances() -> None:
     assert all(np.array_equal(made, fields[0]) for made in agreed([fields[0], fields[0]]))
 
 
-def test_gray_images_agree_about_values_and_colours_stay_together() -> None:
+def test_gray_images_agree_about_values() -> None:
     dark, bright = grays(0), np.clip(grays(1) + np.uint8(30), 0, 255).astype(np.uint8)
     engine = SolidTexture(**FAST, field="intensity", axes=("z", "x")).fit([dark, bright])
     low, high = (np.quantile(field, [0.1, 0.5, 0.9]) for field in engine._fields)
@@ -315,11 +315,21 @@ def test_gray_images_agree_about_values_and_colours_stay_together() -> None:
     published = SolidTexture(preset="prieto", levels=2, axes=("z", "x")).fit([dark, bright])
     low, high = (np.quantile(field, 0.5) for field in published._fields)
     assert high - low > 5.0, "the papers' presets take images as they are"
+
+
+def test_the_channels_of_several_images_stay_together() -> None:
     pair = [colours(0), colours(1)]
     alone = SolidTexture(**FAST).fit(np.concatenate(pair))._fields[0]
     both = SolidTexture(**FAST, axes=("z", "x")).fit(pair)._fields
     # One scale and one set of directions for both, and nothing else.
     np.testing.assert_allclose(np.concatenate(both, axis=2), alone, rtol=0, atol=1e-3)
+    labels = [blobs(seed, share=0.3) + 2 * blobs(seed + 7, share=0.2) for seed in (0, 1)]
+    images = [label.clip(max=2).astype(np.uint8) for label in labels]
+    engine = SolidTexture(**FAST, kind="label", field="intensity", axes=("z", "x")).fit(images)
+    for field in engine._fields:
+        np.testing.assert_allclose(
+            field.sum(axis=0), 255, atol=1e-2, err_msg="each pixel one phase"
+        )
 
 
 def test_interfaces_are_counted_in_the_plane() -> None:

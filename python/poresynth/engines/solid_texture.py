@@ -280,10 +280,10 @@ class SolidTexture:
         self._fields = [
             self._field.of(image.array, images.phase(i)) for i, image in enumerate(images.images)
         ]
-        # The channels of a colour would part from one another, and neighbourhoods alone ask for no
-        # distribution.
-        one = isinstance(self._field, DistanceField) or images.pooled.channels == 1
-        if one and parameters.filters > 0:
+        # The channels of a colour, or of phases as they are, would part from one another, and
+        # neighbourhoods alone ask for no distribution.
+        apart = isinstance(self._field, DistanceField) or len(self._fields[0]) == 1
+        if apart and parameters.filters > 0:
             self._fields = agreed(self._fields)
         if self._masks is not None:
             self._fields = [

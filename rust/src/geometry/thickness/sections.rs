@@ -27,7 +27,8 @@ const CENTRE: i32 = 31;
 
 /// Discs as bits, by the square that their voxels are nearer than, in voxels.
 ///
-/// Most balls are small, and looking their rows up takes half the time of finding where they end.
+/// Most balls are small: looking their rows up, instead of finding where they end, took a third off
+/// the time of painting.
 pub(super) struct Discs {
     rows: Vec<u64>,
     /// Reaches of the balls whose sections are here.
