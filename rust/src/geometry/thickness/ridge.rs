@@ -22,6 +22,9 @@ const BLOCK: usize = 32;
 /// Where the voxel is among them.
 const MIDDLE: usize = 13;
 
+/// What is taken off the squares of balls in cubes: between voxels, squares are multiples of 4.
+pub(super) const SHORT: f32 = 2.0;
+
 /// The step to a neighbour.
 const fn step(i: usize) -> [i32; 3] {
     [i as i32 / 9 - 1, i as i32 / 3 % 3 - 1, i as i32 % 3 - 1]
@@ -34,7 +37,7 @@ pub(super) struct Ball {
     pub at: [u16; 3],
     /// The step to the neighbour as thick whose ball leaves least of this one.
     pub step: [i8; 3],
-    /// The ball holds the voxels nearer than the root of this, which is between two that can be.
+    /// The ball holds the voxels nearer than the root of this: in cubes, a square less [`SHORT`].
     pub reach: f32,
     /// The same of the neighbour's; 0 if there is none as thick.
     pub neighbour: f32,
@@ -220,9 +223,9 @@ fn leaves_least(around: &Around, later: u32, lengths: &[f32; BLOCK]) -> Option<u
 
 /// Halves the values, a power of two, until one is left, which vectorises.
 #[inline(always)]
-fn largest<const N: usize>(values: &[f32; N]) -> f32 {
+fn largest(values: &[f32; BLOCK]) -> f32 {
     let mut values = *values;
-    let mut width = N / 2;
+    let mut width = BLOCK / 2;
     while width > 0 {
         for i in 0..width {
             if values[i + width] > values[i] {
@@ -293,10 +296,9 @@ impl Needed {
         }
     }
 
-    /// Takes so much off a square that no rounding reaches the voxels outside. Between the voxels of
-    /// a cubic lattice squares are multiples of 4.
+    /// Takes so much off a square that no rounding reaches the voxels outside.
     fn inside(&self, square: f32) -> f32 {
-        if self.cubic { square - 2.0 } else { square * (1.0 - 1e-6) }
+        if self.cubic { square - SHORT } else { square * (1.0 - 1e-6) }
     }
 
     /// Where squares are whole numbers, a ball of a voxel may lie in that of a neighbour though its

@@ -2,7 +2,7 @@
 
 use super::cells::Placed;
 use super::paint::TILE;
-use super::ridge::Ball;
+use super::ridge::{Ball, SHORT};
 
 /// Rows that are compared with a ball at once.
 pub(super) const LANES: usize = 8;
@@ -85,10 +85,10 @@ impl Discs {
     }
 }
 
-/// The square in voxels that voxels are nearer than, from a reach in half voxels that is 2 less.
+/// The square in voxels that the voxels of a ball are nearer than.
 #[inline(always)]
 fn whole(reach: f32) -> i32 {
-    (0.25 * (reach + 2.0)) as i32
+    (0.25 * (reach + SHORT)) as i32
 }
 
 /// A section from the table.
