@@ -146,6 +146,7 @@ fn whole(c: &mut Criterion) {
         stages: vec![Stage { window: 8, step: 4 }, Stage { window: 4, step: 2 }],
         iterations: 6,
         filters: None,
+        detail: false,
         response_steps: [0; 2],
         backend: Backend::Coherent,
         temperature: 0.0,

@@ -123,6 +123,8 @@ def match_responses(
     edge: int,
     seed: int,
     deep: bool = False,
+    alike: bool = False,
+    regularisation: float = 0.05,
     threads: int = 0,
 ) -> tuple[npt.NDArray[np.float32], list[float]]: ...
 def random_field(

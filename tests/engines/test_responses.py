@@ -29,21 +29,34 @@ def alike(images: list[np.ndarray]) -> list[Image]:
     return [(axis, image, True, 1.0) for axis, image in enumerate(images)]
 
 
-@pytest.mark.parametrize("deep", [False, True])
+@pytest.mark.parametrize(("deep", "alike"), [(False, False), (True, False), (True, True)])
 @pytest.mark.parametrize("channels", [1, 3])
 @pytest.mark.parametrize("axes", [(0, 1, 2), (2,), (1, 0)])
-def test_a_step_equals_the_numpy_twin(channels: int, axes: tuple[int, ...], deep: bool) -> None:
+def test_a_step_equals_the_numpy_twin(
+    channels: int, axes: tuple[int, ...], deep: bool, alike: bool
+) -> None:
     shape, edge, filters, seed = (9, 20, 6), 3, 5, 7
     volume = np.stack([smooth(shape, c) for c in range(channels)])
     images: list[Image] = []
     for axis in axes:
         image = np.stack([smooth((11 + axis, 9), 10 * axis + c) for c in range(channels)])
         images.append((axis, image, axis != 1, 1.0 + axis))
+    regularisation = 2.0 if alike else 0.05
     got, energies = _core.match_responses(
-        volume, images, steps=1, filters=filters, edge=edge, seed=seed, deep=deep
+        volume,
+        images,
+        steps=1,
+        filters=filters,
+        edge=edge,
+        seed=seed,
+        deep=deep,
+        alike=alike,
+        regularisation=regularisation,
     )
     key = Key.new(seed).with_(0)
-    want, energy = twin.step(volume.astype(float), images, filters, edge, key, deep)
+    want, energy = twin.step(
+        volume.astype(float), images, filters, edge, key, deep, alike, regularisation
+    )
     assert energies[0] == pytest.approx(energy, rel=5e-3)
     for c in range(channels):
         values = np.concatenate([image[c].ravel() for _, image, *_ in images])

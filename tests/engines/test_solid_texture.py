@@ -355,3 +355,44 @@ def test_the_blur_gives_sections_the_density_of_the_image() -> None:
     assert found == pytest.approx(interface_density(image[None], 0), rel=0.05)
     flat = ndimage.gaussian_filter(smooth, 6, mode="wrap")
     assert smoothing_like(solids, 1 - image.mean(), flat, 0) == 0
+
+
+def change_by_pixel(planes: np.ndarray) -> float:
+    """Mean square of the difference of neighbouring pixels along rows and columns."""
+    values = planes.astype(float)
+    return float(np.mean([(np.diff(values, axis=axis) ** 2).mean() for axis in (-1, -2)]))
+
+
+@pytest.mark.parametrize(("grain", "low", "high"), [(0.0, 0.9, 1.25), (20.0, 0.9, 1.1)])
+def test_gray_sections_are_as_rough_as_the_image(grain: float, low: float, high: float) -> None:
+    noise = np.random.default_rng(3)
+    smooth = ndimage.gaussian_filter(noise.standard_normal((128, 128)), 4, mode="wrap")
+    image = 127.5 + 45 * smooth / smooth.std() + noise.normal(0, grain, smooth.shape)
+    image = np.clip(image, 0, 255).astype(np.uint8)
+    engine = SolidTexture(mode="responses", field="intensity", response_steps=(100, 40, 15))
+    volume = engine.fit(image).sample((64, 64, 64), seed=1).array
+    for axis in range(3):
+        ratio = change_by_pixel(np.moveaxis(volume, axis, 0)) / change_by_pixel(image)
+        assert low < ratio < high, (axis, ratio)
+
+
+def test_images_are_alike_if_no_axis_stands_out() -> None:
+    def stretched(along: float, across: float, seed: int) -> np.ndarray:
+        noise = np.random.default_rng(seed).random((64, 64))
+        smooth = ndimage.gaussian_filter(noise, (along, across), mode="wrap")
+        return smooth > np.median(smooth)
+
+    def alike(images: list[np.ndarray], **parameters: Any) -> bool:
+        return SolidTexture(**FAST, **parameters).fit(images)._images.alike
+
+    even = [stretched(2, 2, seed) for seed in range(3)]
+    assert alike(even)
+    assert alike(even[:2])
+    assert not alike(even[:1]), "one image is its own"
+    fibres = [stretched(2, 2, 0), stretched(8, 2, 1), stretched(8, 2, 2)]
+    assert not alike(fibres)
+    # Across x, rows lie along z and columns along y: the same image, turned, is of the same fibres.
+    assert not alike([stretched(8, 2, 1), stretched(8, 2, 2)], axes=("y", "x"))
+    labels = [np.where(image, 2, stretched(2, 2, 9)).astype(np.uint8) for image in even]
+    assert not alike(labels, kind="label")
+    assert not alike([np.stack([255 * image.astype(np.uint8)] * 3, axis=-1) for image in even])

@@ -130,26 +130,32 @@ def unit(key: Key, index: int) -> float:
 def second_step(
     found: list[np.ndarray],
     looked: np.ndarray,
-    target: Target,
+    axis: int,
+    sources: Sequence[Target],
     group: Sequence[tuple],
     key: Key,
 ) -> list[np.ndarray]:
     """What the responses to the responses of a group ask of these, at the places looked at."""
-    axis, image, symmetric, _ = target
-    kinds = [(taps, d) for d in range(len(image)) for taps, _ in group]
-    mixed = [
-        np.tensordot(directions[d], image, 1) for d in range(len(image)) for _, directions in group
-    ]
+    channels = len(sources[0][1])
+    kinds = [(taps, directions[d]) for d in range(channels) for taps, directions in group]
+    # By image, kind and symmetry.
     own = [
-        [inside(m, turned) for turned in symmetries(taps, symmetric)]
-        for m, (taps, _) in zip(mixed, kinds, strict=True)
+        [
+            [inside(np.tensordot(direction, image, 1), turned) for turned in symmetries(taps, many)]
+            for taps, direction in kinds
+        ]
+        for _, image, many, _ in sources
     ]
+    which = key.with_(5).below(0, len(sources))
     scales = [
         scale(np.concatenate([r.ravel() for r in responses]), key, i)
-        for i, responses in enumerate(own)
+        for i, responses in enumerate(own[which])
     ]
-    above = [[left(r, *s) for r in responses] for responses, s in zip(own, scales, strict=True)]
-    first = [responses[0] for responses in above]
+    above = [
+        [[left(r, *s) for r in responses] for responses, s in zip(of, scales, strict=True)]
+        for of in own
+    ]
+    first = [responses[0] for responses in above[which]]
     room = [n - 4 for n in first[0].shape]
     bank = []
     for k in range(4):
@@ -168,12 +174,14 @@ def second_step(
     for taps in bank:
         response = sum(correlated(r, t, axis) for r, t in zip(remains, taps, strict=True))
         wanted = []
-        for turn in range(len(above[0])):
-            turned = [symmetries(t, symmetric)[turn] for t in taps]
-            wide = [np.zeros((5, 5)) for _ in turned]
-            for w, t in zip(wide, turned, strict=True):
-                w[::2, ::2] = t
-            wanted.append(sum(inside(m[turn], w) for m, w in zip(above, wide, strict=True)).ravel())
+        for of, (_, _, many, _) in zip(above, sources, strict=True):
+            for turn in range(len(of[0])):
+                turned = [symmetries(t, many)[turn] for t in taps]
+                wide = [np.zeros((5, 5)) for _ in turned]
+                for w, t in zip(wide, turned, strict=True):
+                    w[::2, ::2] = t
+                answers = (inside(m[turn], w) for m, w in zip(of, wide, strict=True))
+                wanted.append(sum(answers).ravel())
         change = transported(response, np.concatenate(wanted)) - response
         for i, t in enumerate(taps):
             asked[i] += spread(change, t, axis)
@@ -193,6 +201,8 @@ def step(
     edge: int,
     key: Key,
     deep: bool = False,
+    alike: bool = False,
+    regularisation: float = 0.05,
 ) -> tuple[np.ndarray, float]:
     """One step on a volume (channel, z, y, x), without the matching of its values."""
     images = [image for _, image, *_ in targets]
@@ -216,8 +226,9 @@ def step(
                 correlated(np.tensordot(directions[d], volume, 1), taps, axis)
                 for (taps, directions), d in kinds
             ]
-            own = key.with_(2).with_(number).with_(g // GROUP)
-            changes = second_step(found, looked, target, group, own)
+            own = key.with_(2).with_(0 if alike else number).with_(g // GROUP)
+            sources = [targets[i] for i in numbers] if alike else [target]
+            changes = second_step(found, looked, axis, sources, group, own)
             for ((taps, directions), d), change in zip(kinds, changes, strict=True):
                 back = weight * spread(change, taps, axis)
                 asked += directions[d][:, None, None, None] * back
@@ -233,7 +244,7 @@ def step(
                 squares.append(change[looked] ** 2)
                 back = weight * spread(change, taps, axis)
                 asked += direction[:, None, None, None] * back
-    spectrum = np.fft.fftn(asked, axes=(1, 2, 3)) / (seen + 0.05 * seen.mean())
+    spectrum = np.fft.fftn(asked, axes=(1, 2, 3)) / (seen + regularisation * seen.mean())
     moved = volume + np.fft.ifftn(spectrum, axes=(1, 2, 3)).real
     return moved, float(np.concatenate(squares).mean())
 

@@ -28,6 +28,14 @@ SMALL = 3
 LARGE = 5
 """Edge of filters for gray values: they say nothing of the shape beyond."""
 
+WEAK = 0.05
+"""Regularisation of response matching. What hardly a filter sees becomes a little rough, as
+surfaces are: with 1 those of Ketton limestone are 12 % too smooth."""
+
+STRONG = 2.0
+"""Regularisation for gray values, whose shortest waves start as noise of the image's own strength:
+with `WEAK` sections of a smooth image are woven of threads."""
+
 SURFACE = 2.0
 """Pixels from the surface within which gray values follow from distance alone: a scan blurs."""
 
@@ -38,6 +46,14 @@ class ImageField(Protocol):
     @property
     def filter_edge(self) -> int:
         """Edge of the filters that suit it, pixels."""
+
+    @property
+    def regularisation(self) -> float:
+        """ε of response matching, as a share of the filters' mean power."""
+
+    @property
+    def detail(self) -> bool:
+        """Whether waves that the coarser level could not hold start as noise."""
 
     def of(self, array: npt.NDArray[Any], phase: npt.NDArray[np.uint8]) -> Field:
         """Return pixels or voxels as field values."""
@@ -55,6 +71,8 @@ class PhaseField:
 
     images: Images
     filter_edge = SMALL
+    regularisation = WEAK
+    detail = False
 
     def of(self, array: npt.NDArray[Any], phase: npt.NDArray[np.uint8]) -> Field:
         """Return blurred indicators."""
@@ -91,7 +109,10 @@ class ColourField:
             signs = np.where(directions.sum(axis=1, keepdims=True) < 0, -1, 1)
             self._directions = directions * signs
         self._dark = images.phases.solid == "dark"
-        self.filter_edge = SMALL if len(pixels) > 1 else LARGE
+        gray = len(pixels) == 1
+        self.filter_edge = LARGE if gray else SMALL
+        self.regularisation = STRONG if gray else WEAK
+        self.detail = gray
 
     def of(self, array: npt.NDArray[Any], phase: npt.NDArray[np.uint8]) -> Field:
         """Return turned and scaled values."""
@@ -123,6 +144,8 @@ class DistanceField:
     """
 
     filter_edge = SMALL
+    regularisation = WEAK
+    detail = False
 
     def __init__(self, images: Images, parameters: SolidParameters) -> None:
         self._images, self._parameters = images, parameters

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,11 @@ from poresynth.volume import Volume, as_volume
 __all__ = ["AXES", "Images", "as_images", "targets"]
 
 AXES: tuple[Axis, ...] = ("z", "y", "x")
+
+ALIKE = 1.7
+"""How many times as dense interfaces may be along one axis as along another in images of one
+structure: 1.1 to 1.4 in scans of rock and bone, 1.4 and 2.0 in a Gaussian field stretched 1.5 and
+2 times. One distribution for all images made those up to 1.4 no worse, that of 2.0 worse."""
 
 
 def as_images(exemplar: Volume | npt.ArrayLike | Sequence[Volume | npt.ArrayLike]) -> list[Volume]:
@@ -105,6 +111,19 @@ class Images:
     def phase(self, i: int) -> npt.NDArray[np.uint8]:
         """Return the phases of an image, shape (1, y, x)."""
         return self.phases.phase_of(self.images[i].array)
+
+    @cached_property
+    def alike(self) -> bool:
+        """Whether one structure that is much the same along all axes may be behind the images."""
+        if len(self.images) == 1 or self.images[0].channels > 1 or len(self.phases.labels) > 2:
+            return False
+        along: dict[Axis, list[float]] = {axis: [] for axis in AXES}
+        for across, solid in self.solids().items():
+            rows, columns = (axis for axis in AXES if axis != across)
+            along[rows].append(float((solid[:, 1:] != solid[:, :-1]).mean()))
+            along[columns].append(float((solid[..., 1:] != solid[..., :-1]).mean()))
+        means = [np.mean(found) for found in along.values() if found]
+        return bool(max(means) <= ALIKE * min(means))
 
     def solids(self) -> dict[Axis, npt.NDArray[np.bool_]]:
         """Return the solid of the image across each axis, shape (1, y, x)."""

@@ -76,7 +76,7 @@ def choose_mode(
         made = _core.synthesize(
             [example(*target) for target in targets(images, p, halves)],
             (EDGE,) * 3,
-            options(p),
+            options(p, images, field),
             seed=0,
         )[0]
         trial = field.scores(made)
@@ -110,7 +110,7 @@ def example(
     }
 
 
-def options(p: SolidParameters) -> dict[str, Any]:
+def options(p: SolidParameters, images: Images, field: ImageField) -> dict[str, Any]:
     """Return parameters as the kernel takes them."""
 
     def at(values: tuple[Any, ...], level: int) -> Any:
@@ -124,6 +124,9 @@ def options(p: SolidParameters) -> dict[str, Any]:
             "filters": p.filters,
             "filter_edge": p.filter_edge,
             "deep": at(p.deep, level),
+            "alike": images.alike,
+            "regularisation": field.regularisation,
+            "detail": field.detail,
             "response_steps": (at(p.response_steps, level), p.final_steps if level == 0 else 0),
             "search": p.search,
             "candidates": p.candidates,

@@ -38,7 +38,7 @@ fn targets<'a>(images: &[Image<'_>], planes: &'a [Field]) -> Vec<Target<'a>> {
 
 /// Volume (channel, z, y, x) after some steps of response matching, and the energy of each.
 #[pyfunction]
-#[pyo3(signature = (volume, images, *, steps, filters, edge, seed, deep=false, threads=0))]
+#[pyo3(signature = (volume, images, *, steps, filters, edge, seed, deep=false, alike=false, regularisation=0.05, threads=0))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn match_responses<'py>(
     py: Python<'py>,
@@ -49,6 +49,8 @@ pub(super) fn match_responses<'py>(
     edge: usize,
     seed: u64,
     deep: bool,
+    alike: bool,
+    regularisation: f32,
     threads: usize,
 ) -> PyResult<(Bound<'py, PyArray4<f32>>, Vec<f64>)> {
     let planes = planes(&images)?;
@@ -56,7 +58,8 @@ pub(super) fn match_responses<'py>(
     let mut volume = volume;
     let energies = cancellable::run(py, threads, None, |monitor| {
         let size = (volume.channels(), volume.shape());
-        let matching = ResponseMatching::new(&targets, size, FilterBank { filters, edge, deep })?;
+        let bank = FilterBank { filters, edge, deep, alike, regularisation };
+        let matching = ResponseMatching::new(&targets, size, bank)?;
         let quantiles = pooled_quantiles(&targets);
         let key = Key::new(seed);
         (0..steps as u64)

@@ -1,6 +1,7 @@
 //! The coarse-to-fine schedule and the expectation-maximisation passes.
 
 use super::blend::{Gradients, Mixing, Part, Source, blend};
+use super::detail::add_detail;
 use super::emphasis::emphasis;
 use super::field::Field;
 use super::lattice::Lattice;
@@ -201,7 +202,7 @@ impl<'a> Run<'a> {
         let p = self.parameters;
         let plan = &p.levels[index];
         for trial in &mut *trials {
-            self.enter(index, &mut trial.made)?;
+            self.enter(index, trial)?;
         }
         let sources = &self.levels.exemplars[index];
         let quantiles = (0..sources[0].channels())
@@ -228,18 +229,25 @@ impl<'a> Run<'a> {
     }
 
     /// Brings field and maps to the resolution of a level.
-    fn enter(&self, level: usize, made: &mut Synthesis) -> Result<()> {
+    fn enter(&self, level: usize, Trial { made, key }: &mut Trial) -> Result<()> {
         let shape = self.levels.shapes[level];
         let Synthesis { field, maps, .. } = made;
+        let plan = &self.parameters.levels[level];
         if shape != field.shape() {
-            *field = if self.parameters.levels[level].filters.is_some() {
+            *field = if plan.filters.is_some() {
                 let mut values = Vec::new();
                 for c in 0..field.channels() {
                     // Interpolation would leave a lattice, which the responses of few voxels show.
                     let fine = enlarge(field.channel(c), field.shape(), shape, self.monitor)?;
                     values.extend(fine);
                 }
-                Field::new(shape, field.channels(), values)?
+                let mut fine = Field::new(shape, field.channels(), values)?;
+                if plan.detail {
+                    let targets = targets(self.examples, &self.levels.exemplars[level]);
+                    let key = key.with(u64::MAX).with(level as u64);
+                    add_detail(&targets, &mut fine, field.shape(), key, self.monitor)?;
+                }
+                fine
             } else {
                 pyramid::enlarge(field, shape, self.parameters.boundary)
             };

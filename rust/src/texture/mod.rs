@@ -11,6 +11,7 @@ pub mod copying;
 mod cosines;
 mod covariance;
 mod cut_law;
+mod detail;
 mod emphasis;
 pub mod engine;
 pub mod field;

@@ -58,6 +58,9 @@ pub struct LevelPlan {
     /// Filters of response matching, of which a step also follows every iteration of a window; for a
     /// periodic output of images only.
     pub filters: Option<FilterBank>,
+    /// Whether waves that the coarser level could not hold start as noise, as strong as in the images,
+    /// where there is response matching.
+    pub detail: bool,
     /// Steps of response matching before the first window and after the last.
     pub response_steps: [usize; 2],
     /// How matches are found.

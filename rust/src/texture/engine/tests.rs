@@ -27,6 +27,7 @@ fn plan(iterations: usize, backend: Backend) -> LevelPlan {
         stages,
         iterations,
         filters: None,
+        detail: false,
         response_steps: [0; 2],
         backend,
         temperature: 0.02,

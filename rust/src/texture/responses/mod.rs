@@ -30,9 +30,6 @@ use crate::monitor::Monitor;
 use crate::rng::Key;
 use crate::volume::Shape;
 
-/// ε, as a share of the mean of Σ FᵀF over the wave numbers: those that hardly a filter sees stay.
-const REGULARISATION: f32 = 0.05;
-
 /// Every how many rows and columns of a slice a filter is applied. With 2, four filters together look
 /// everywhere, twice as fast as with 1 (128³: 4.5 instead of 8.3 s), and the structure is as good.
 const STEP: usize = 2;
@@ -51,8 +48,8 @@ pub struct Target<'a> {
     pub weight: f32,
 }
 
-/// How many filters a step draws, and how large.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// How many filters a step draws, and how large; what is asked of the volume.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FilterBank {
     /// Number of filters a step.
     pub filters: usize,
@@ -61,11 +58,15 @@ pub struct FilterBank {
     /// Whether responses to their responses count too. Where an image is too small for these, they
     /// do not.
     pub deep: bool,
+    /// Whether the responses to responses of all images together are those of one material.
+    pub alike: bool,
+    /// ε, as a share of the mean of Σ FᵀF over the wave numbers: those that hardly a filter sees stay.
+    pub regularisation: f32,
 }
 
 impl Default for FilterBank {
     fn default() -> Self {
-        Self { filters: 16, edge: 3, deep: false }
+        Self { filters: 16, edge: 3, deep: false, alike: false, regularisation: 0.05 }
     }
 }
 
@@ -131,6 +132,10 @@ impl<'a> ResponseMatching<'a> {
             let given = (bank.filters, bank.edge);
             return Err(Error::parameter("filters, edge", given, "must be at least 1"));
         }
+        if !(bank.regularisation > 0.0 && bank.regularisation.is_finite()) {
+            let allowed = "must be positive and finite";
+            return Err(Error::parameter("regularisation", bank.regularisation, allowed));
+        }
         if shape.contains(&0) {
             return Err(Error::parameter("shape", shape, "must not be empty"));
         }
@@ -193,7 +198,7 @@ impl<'a> ResponseMatching<'a> {
             let mut plane = Plane::new(layout, volume, &mut work);
             for (g, group) in groups.iter().enumerate() {
                 let wanted = &wanted[image][g * GROUP..];
-                let second = second[image].get(g);
+                let second = second[if self.bank.alike { 0 } else { image }].get(g);
                 squares.add(plane.correct(group, wanted, second, monitor)?);
             }
             plane.collect(target.weight, &mut gradient);
@@ -225,7 +230,8 @@ impl<'a> ResponseMatching<'a> {
         self.images.iter().map(of_image).collect()
     }
 
-    /// Of each image, the second filters of each group; none where they do not count.
+    /// Of each image, or of all together if they are alike, the second filters of each group; none
+    /// where they do not count.
     fn second(
         &self,
         groups: &[Group<'_>],
@@ -233,17 +239,21 @@ impl<'a> ResponseMatching<'a> {
         key: Key,
         monitor: &Monitor<'_>,
     ) -> Result<Vec<Vec<Second>>> {
-        let of_image = |(i, (image, first)): (usize, (&(&Field, bool), &Vec<_>))| {
-            if !self.bank.deep || !Second::fits(image.0, self.bank.edge) {
+        let of_images = |(i, (images, first)): (usize, (&[_], &[Vec<Vec<_>>]))| {
+            let fit = |image: &(&Field, bool)| Second::fits(image.0, self.bank.edge);
+            if !self.bank.deep || !images.iter().all(fit) {
                 return Ok(Vec::new());
             }
-            let of_group = |(g, (group, first)): (usize, (&Group<'_>, &[Vec<Distribution>]))| {
+            let of_group = |(g, group): (usize, &Group<'_>)| {
                 let key = key.with(i as u64).with(g as u64);
-                Second::draw(*image, group, first, key, monitor)
+                let first: Vec<_> = first.iter().map(|first| &first[g * GROUP..]).collect();
+                Second::draw(images, group, &first, key, monitor)
             };
-            groups.iter().zip(first.chunks(GROUP)).enumerate().map(of_group).collect()
+            groups.iter().enumerate().map(of_group).collect()
         };
-        self.images.iter().zip(wanted).enumerate().map(of_image).collect()
+        let together = if self.bank.alike { self.images.len() } else { 1 };
+        let images = self.images.chunks(together).zip(wanted.chunks(together));
+        images.enumerate().map(of_images).collect()
     }
 
     /// Adds to the volume what solves the least squares.
@@ -273,7 +283,7 @@ impl<'a> ResponseMatching<'a> {
                 |(z, mut plane)| {
                     for ((y, x), value) in plane.indexed_iter_mut() {
                         let power: f32 = powers.iter().map(|power| power[[z, y, x]].re).sum();
-                        *value /= power.max(0.0) + REGULARISATION * mean;
+                        *value /= power.max(0.0) + self.bank.regularisation * mean;
                     }
                 },
             );

@@ -33,7 +33,7 @@ const STRENGTH: f32 = 12.0;
 /// Second filters of a group.
 const FILTERS: usize = 4;
 
-/// Second filters of a group, and what an image answers to them.
+/// Second filters of a group, and what images answer to them.
 pub(super) struct Second {
     /// What the responses of each kind are multiplied by, and then what is added.
     scales: Vec<[f32; 2]>,
@@ -96,14 +96,17 @@ impl Rows {
 }
 
 impl Second {
-    /// Draws filters: differences of two places of the image. `first` are its responses to the group.
+    /// Draws filters: differences of two places of one of the images. `first` are the images'
+    /// responses to the group.
     pub fn draw(
-        (image, symmetric): (&Field, bool),
+        images: &[(&Field, bool)],
         group: &Group<'_>,
-        first: &[Vec<Distribution>],
+        first: &[&[Vec<Distribution>]],
         key: Key,
         monitor: &Monitor<'_>,
     ) -> Result<Self> {
+        let which = key.with(1 + FILTERS as u64).below(0, images.len());
+        let (image, first) = (images[which].0, first[which]);
         let filters = group.filters.len();
         let kinds = filters * image.channels();
         let scales: Vec<[f32; 2]> = (0..kinds)
@@ -116,14 +119,18 @@ impl Second {
                 [scale as f32, (-scale * responses.quantile(share)) as f32]
             })
             .collect();
-        let left = left_of_image(image, symmetric, group, &scales, monitor)?;
-        let size = [1, 2].map(|axis| image.shape()[axis] + 1 - group.filters[0].edge);
-        let inside = size.map(|n| n - APART * (EDGE - 1));
+        let left = images
+            .iter()
+            .map(|image| left_of_image(*image, group, &scales, monitor))
+            .collect::<Result<Vec<_>>>()?;
+        let size = |image: &Field| [1, 2].map(|a| image.shape()[a] + 1 - group.filters[0].edge);
+        let width = size(image)[1];
+        let inside = size(image).map(|n| n - APART * (EDGE - 1));
         let taps: Vec<Vec<f32>> = (0..FILTERS)
             .map(|k| {
                 let key = key.with(1 + k as u64);
                 let places = [0, 2].map(|i| [key.below(i, inside[0]), key.below(i + 1, inside[1])]);
-                difference(&left[0], size[1], places)
+                difference(&left[which][0], width, places)
             })
             .collect();
         let factor = |(kind, [scale, _]): (usize, &[f32; 2])| {
@@ -137,8 +144,10 @@ impl Second {
             .map(|taps| {
                 monitor.check()?;
                 let mut responses = Vec::new();
-                for (turn, left) in left.iter().enumerate() {
-                    respond(left, size, taps, turn, &mut responses);
+                for (image, left) in images.iter().zip(&left) {
+                    for (turn, left) in left.iter().enumerate() {
+                        respond(left, size(image.0), taps, turn, &mut responses);
+                    }
                 }
                 Ok(Distribution::of(&responses))
             })
@@ -274,8 +283,7 @@ fn add_where_left(values: &mut [f32], asked: &[f32], left: &[f32], factor: f32) 
 
 /// What is left of the responses of an image to each kind, for each symmetry of the filters.
 fn left_of_image(
-    image: &Field,
-    symmetric: bool,
+    (image, symmetric): (&Field, bool),
     group: &Group<'_>,
     scales: &[[f32; 2]],
     monitor: &Monitor<'_>,
