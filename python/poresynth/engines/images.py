@@ -21,8 +21,8 @@ AXES: tuple[Axis, ...] = ("z", "y", "x")
 
 ALIKE = 1.7
 """How many times as dense interfaces may be along one axis as along another in images of one
-structure: 1.1 to 1.4 in scans of rock and bone, 1.4 and 2.0 in a Gaussian field stretched 1.5 and
-2 times. One distribution for all images made those up to 1.4 no worse, that of 2.0 worse."""
+structure: 1.0 to 1.2 in slices of rock, 1.4 in slices of bone and of a Gaussian field stretched 1.5
+times, 2.0 of one stretched twice. One distribution for all images made only the last worse."""
 
 
 def as_images(exemplar: Volume | npt.ArrayLike | Sequence[Volume | npt.ArrayLike]) -> list[Volume]:
