@@ -391,7 +391,7 @@ def test_images_are_alike_if_no_axis_stands_out() -> None:
     assert not alike(even[:1]), "one image is its own"
     fibres = [stretched(2, 2, 0), stretched(8, 2, 1), stretched(8, 2, 2)]
     assert not alike(fibres)
-    # Across x, rows lie along z and columns along y: the same image, turned, is of the same fibres.
+    # Across y and across x, rows lie along z.
     assert not alike([stretched(8, 2, 1), stretched(8, 2, 2)], axes=("y", "x"))
     labels = [np.where(image, 2, stretched(2, 2, 9)).astype(np.uint8) for image in even]
     assert not alike(labels, kind="label")

@@ -38,7 +38,10 @@ fn targets<'a>(images: &[Image<'_>], planes: &'a [Field]) -> Vec<Target<'a>> {
 
 /// Volume (channel, z, y, x) after some steps of response matching, and the energy of each.
 #[pyfunction]
-#[pyo3(signature = (volume, images, *, steps, filters, edge, seed, deep=false, alike=false, regularisation=0.05, threads=0))]
+#[pyo3(signature = (
+    volume, images, *, steps, filters, edge, seed, deep=false, alike=false, regularisation=0.05,
+    threads=0
+))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn match_responses<'py>(
     py: Python<'py>,

@@ -2,11 +2,11 @@
 //!
 //! Steps of response matching multiply what a volume has: of nothing they make nothing.
 
-use ndarray::{Array3, ArrayView2, ArrayView3, Axis};
+use ndarray::{ArrayView2, ArrayView3, Axis};
 use rayon::prelude::*;
-use rustfft::num_complex::Complex32;
 
 use super::field::Field;
+use super::random_field::fill_with_noise;
 use super::responses::Target;
 use crate::error::{Error, Result};
 use crate::fourier::Transform;
@@ -18,7 +18,7 @@ use crate::volume::{Shape, voxels};
 /// covariances that fall exponentially with the distance, as between random phases, have the other.
 const FALLS: [i32; 2] = [0, -2];
 
-/// Every how many slices of a volume are looked at.
+/// Every how many slices of a volume are looked at: only a mean over them is asked for.
 const SLICES: usize = 4;
 
 /// Adds noise of the wave numbers that a field of the shape `coarse` lacks, as much as makes sections
@@ -96,23 +96,15 @@ fn noise(
     key: Key,
     monitor: &Monitor<'_>,
 ) -> Result<Vec<f32>> {
+    let amplitude = |wave: [usize; 3]| {
+        let waves: [usize; 3] = std::array::from_fn(|a| wave[a].min(shape[a] - wave[a]));
+        let held = (0..3).all(|a| 2 * waves[a] < coarse[a]);
+        let share = |a: usize| (waves[a] as f32 / shape[a] as f32).powi(2);
+        let length = (share(0) + share(1) + share(2)).sqrt();
+        if held { 0.0 } else { length.powi(fall) }
+    };
     let mut values = vec![0.0; voxels(shape)];
-    values.par_iter_mut().enumerate().for_each(|(i, v)| *v = key.normal(i as u64));
-    let mut spectrum: Array3<Complex32> = transform.forward(&values, monitor)?;
-    let planes = spectrum.axis_iter_mut(Axis(0)).into_par_iter().enumerate();
-    planes.for_each(|(z, mut plane)| {
-        for ((y, x), value) in plane.indexed_iter_mut() {
-            let waves: [usize; 3] = std::array::from_fn(|a| {
-                let wave = [z, y, x][a];
-                wave.min(shape[a] - wave)
-            });
-            let held = (0..3).all(|a| 2 * waves[a] < coarse[a]);
-            let share = |a: usize| (waves[a] as f32 / shape[a] as f32).powi(2);
-            let length = (share(0) + share(1) + share(2)).sqrt();
-            *value *= if held { 0.0 } else { length.powi(fall) };
-        }
-    });
-    transform.inverse(spectrum, &mut values, monitor)?;
+    fill_with_noise(&mut values, (shape, transform), amplitude, key, monitor)?;
     Ok(values)
 }
 

@@ -1,5 +1,6 @@
 //! A start for a synthesis from images: a Gaussian random field with their covariance.
 
+use ndarray::Axis;
 use rayon::prelude::*;
 
 use super::covariance::{Covariance, has_both};
@@ -53,16 +54,34 @@ pub fn random_field(
             .collect::<Result<Vec<_>>>()?;
         let covariance = fill(shape, monitor, |p| mean_covariance(&images, lag(shape, scale, p)))?;
         let power = transform.forward(&covariance, monitor)?;
-        let key = key.with(c as u64);
-        let noise = fill(shape, monitor, |p| key.normal(crate::volume::index(shape, p) as u64))?;
-        let mut spectrum = transform.forward(&noise, monitor)?;
-        spectrum.zip_mut_with(&power, |value, power| *value *= power.re.max(0.0).sqrt());
-        transform.inverse(spectrum, out.channel_mut(c), monitor)?;
+        let amplitude = |p| power[p].re.max(0.0).sqrt();
+        let values = out.channel_mut(c);
+        fill_with_noise(values, (shape, &transform), amplitude, key.with(c as u64), monitor)?;
         if let Some(quantiles) = quantiles.get(c) {
             quantiles.match_values(out.channel_mut(c), None);
         }
     }
     Ok(out)
+}
+
+/// Replaces the values of a periodic volume by normal noise whose waves have these amplitudes, by
+/// their numbers along (z, y, x).
+pub(super) fn fill_with_noise(
+    values: &mut [f32],
+    (shape, transform): (Shape, &Transform),
+    amplitude: impl Fn([usize; 3]) -> f32 + Sync,
+    key: Key,
+    monitor: &Monitor<'_>,
+) -> Result<()> {
+    let noise = fill(shape, monitor, |p| key.normal(crate::volume::index(shape, p) as u64))?;
+    let mut spectrum = transform.forward(&noise, monitor)?;
+    drop(noise);
+    spectrum.axis_iter_mut(Axis(0)).into_par_iter().enumerate().for_each(|(z, mut plane)| {
+        for ((y, x), value) in plane.indexed_iter_mut() {
+            *value *= amplitude([z, y, x]);
+        }
+    });
+    transform.inverse(spectrum, values, monitor)
 }
 
 /// The lag in pixels of a place of a periodic volume from its origin, the short way round.
