@@ -20,7 +20,7 @@ from typing import Any
 from from_images import colours, materials, pictures, speed
 from from_images.making import RUNS
 from from_images.truths import EDGE, truths
-from readme import PICTURES, load, save, update_readme
+from readme import PICTURES, load, machine, save, update_readme
 from specimens import chosen
 
 RESULTS = "images"
@@ -91,7 +91,7 @@ def main() -> None:
     words = options.words or [""]
     rows = {key(row): row for row in load(RESULTS)}
     for row in measured(words, options):
-        rows[key(row)] = row
+        rows[key(row)] = {**row, "machine": machine()}
         print(f"{row['title']}, {row['run']}: {row['seconds']} s, {row['mode']}", flush=True)
         save(RESULTS, list(rows.values()))
         update_tables(list(rows.values()))

@@ -7,6 +7,7 @@ import io
 import json
 import os
 import platform
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,11 @@ def machine() -> str:
         name = models[0] if models else name
     day = datetime.datetime.now(tz=datetime.timezone.utc).date()
     return f"{os.cpu_count()} cores of {name}, Python {platform.python_version()}, {day}"
+
+
+def machines(rows: Iterable[dict[str, Any]]) -> str:
+    """The machines and days of rows, which are not all measured at once."""
+    return "; ".join(dict.fromkeys(row["machine"] for row in rows))
 
 
 def save(name: str, figures: Any) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from readme import machine
+from readme import machines
 from specimens import chosen
 from study import known
 
@@ -103,7 +103,7 @@ def table(rows: list[dict[str, Any]]) -> str:
             lines.append("| " + " | ".join(cells) + " |")
     lines += [
         "",
-        f"{machine()}. The three images again: `python benches/python/images.py colour`",
+        f"{machines(rows)}. The three images again: `python benches/python/images.py colour`",
     ]
     return "\n".join(lines)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from readme import machine
+from readme import machines
 from study import known, solids, structure_and_novelty
 
 from poresynth import metrics
@@ -160,7 +160,7 @@ def table(rows: list[dict[str, Any]]) -> str:
         "over octants, inside the range over the known volume's octants. Means of several volumes, "
         "but the worst largest part; the time is that of one volume with its fit, of all cores "
         "together. †: with "
-        f'`connected="solid"`. {machine()}. One material again: '
+        f'`connected="solid"`. {machines(rows)}. One material again: '
         "`python benches/python/images.py bone`; one row: `--runs prieto`.",
     ]
     return "\n".join(lines)

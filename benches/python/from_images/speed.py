@@ -6,7 +6,7 @@ import multiprocessing
 import resource
 from typing import Any
 
-from readme import machine
+from readme import machines
 from specimens import PROCEDURAL
 
 from .making import synthesise
@@ -83,7 +83,7 @@ def table(rows: list[dict[str, Any]]) -> str:
     stated = ", ".join(f"{seconds} s ({name})" for name, seconds in PUBLISHED.items())
     lines += [
         "",
-        f"From a slice of {EDGE}² of the {MATERIAL}, on all cores; {machine()}. As published: "
+        f"From a slice of {EDGE}² of the {MATERIAL}, on all cores; {machines(rows)}. As published: "
         f"{stated} for {PUBLISHED_EDGE}³ voxels, by ScaffoldGAN (2021), Table 1, on a machine of "
         "theirs. `python benches/python/images.py speed`",
     ]
