@@ -16,7 +16,7 @@ from poresynth.volume import Volume
 
 MICRO = [
     "device=cpu", "iterations=40", "evaluate_every=20", "learning_rate=0.02", "width=16",
-    "places=64", "grids=8", "filters=16", "reach=10",
+    "places=64", "grids=8", "filters=16", "reach=10", "start_iterations=0",
 ]  # fmt: skip
 
 

@@ -7,7 +7,15 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-__all__ = ["encode", "gradient_penalty", "latent", "mean_distance", "perceptron"]
+__all__ = [
+    "encode",
+    "gradient_penalty",
+    "invariants",
+    "latent",
+    "mean_distance",
+    "nearest_distances",
+    "perceptron",
+]
 
 Array = np.ndarray
 
@@ -79,3 +87,43 @@ def gradient_penalty(
             gradient[index] = (score(point + away) - score(point - away)) / (2 * step)
         found.append((np.linalg.norm(gradient) - 1) ** 2)
     return float(np.mean(found))
+
+
+def nearest_distances(
+    place: Sequence[float],
+    numbers: Callable[[tuple[int, ...]], Array],
+    jitter: float,
+    farthest: float,
+    reach: int = 3,
+) -> Array:
+    """Distances in cells to the nearest of the points in all cells around, at one place."""
+    cell = np.floor(place).astype(int)
+    found = []
+    for step in itertools.product(range(-reach, reach + 1), repeat=len(cell)):
+        site = tuple(int(c + s) for c, s in zip(cell, step, strict=True))
+        point = np.array(site) + 0.5 + jitter / 2 * numbers(site)
+        found.append(float(np.linalg.norm(np.asarray(place) - point)))
+    return np.minimum(np.sort(found)[: len(cell) + 1], farthest)
+
+
+def invariants(window: Array) -> list[float]:
+    """What rotations leave of value, gradient and Hessian in the middle of 3 × 3 (× 3) values."""
+    axes = window.ndim
+    middle = (1,) * axes
+    unit = np.eye(axes, dtype=int)
+
+    def at(*steps: Array) -> float:
+        return float(window[tuple(np.array(middle) + sum(steps, np.zeros(axes, int)))])
+
+    g = np.array([(at(u) - at(-u)) / 2 for u in unit])
+    h = np.empty((axes, axes))
+    for i, j in itertools.product(range(axes), repeat=2):
+        u, v = unit[i], unit[j]
+        if i == j:
+            h[i, i] = at(u) + at(-u) - 2 * at()
+        else:
+            h[i, j] = (at(u, v) + at(-u, -v) - at(u, -v) - at(-u, v)) / 4
+    found = [at(), g @ g, np.trace(h), np.trace(h @ h), g @ h @ g]
+    if axes == 3:
+        found += [np.trace(h @ h @ h), (h @ g) @ (h @ g)]
+    return [float(value) for value in found]

@@ -38,6 +38,7 @@ class Regression:
         net = nn.Sequential(nn.Linear(3, 8), nn.BatchNorm1d(8), nn.Tanh(), nn.Linear(8, 1))
         self.networks = {"net": net}
         self.optimizers = {"net": torch.optim.Adam(net.parameters(), 0.02)}
+        self.notes = {"begun": "flat"}
         self.scores = scores
         self.kept: list[tuple[int, dict[str, Tensor]]] = []
         self.break_at: dict[int, Any] = {}

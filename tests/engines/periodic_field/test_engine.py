@@ -27,6 +27,7 @@ QUICK: dict[str, Any] = {
     "grids": 8,
     "filters": 16,
     "reach": 12,
+    "start_iterations": 0,
     "device": "cpu",
 }
 
@@ -55,7 +56,9 @@ def trained(volume: Volume) -> PeriodicField:
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        return PeriodicField(iterations=250, places=384, grids=32, device="cpu").fit(volume)
+        return PeriodicField(
+            iterations=300, start_iterations=100, places=384, grids=32, device="cpu"
+        ).fit(volume)
     finally:
         torch.set_num_threads(threads)
 
@@ -378,7 +381,15 @@ def test_density_follows_the_guidance() -> None:
     # Stripes that are narrow on one side of the image and wide on the other.
     phase = np.cumsum(np.linspace(0.15, 1.2, 128))
     image = np.tile(np.sin(phase) > 0, (128, 1))
-    engine = quick(image, guidance="density", crop=24, iterations=300, places=128, width=32)
+    engine = quick(
+        image,
+        guidance="density",
+        crop=24,
+        iterations=300,
+        start_iterations=100,
+        places=128,
+        width=32,
+    )
 
     def holes(guidance: Any) -> np.ndarray:
         field = engine.sample_field((1, 128, 128), seed=2, guidance=guidance).array[0]

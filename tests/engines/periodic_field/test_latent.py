@@ -9,12 +9,13 @@ from tests.references import periodic_field as twin
 from torch import Tensor
 
 from poresynth.engines.periodic_field.latent import LatentField, quintic
+from poresynth.engines.periodic_field.lattice import Cells, shifts
 
 SPACING = (0.3, 0.7, 0.45)
 
 
 class Numbers:
-    """Random numbers of three groups, two windows and four channels, from one table."""
+    """Random numbers of three lattices, two windows and four numbers, from one table."""
 
     def __init__(self, axes: int) -> None:
         generator = torch.Generator().manual_seed(5)
@@ -23,14 +24,14 @@ class Numbers:
     def at(self, group: int, window: int, site: tuple[int, ...]) -> np.ndarray:
         return self.table[(group, window, slice(None), *[s + 8 for s in site])].numpy()
 
-    def __call__(self, first: Tensor, sites: tuple[int, ...]) -> Tensor:
+    def __call__(self, lattices: range, numbers: int, cells: Cells) -> Tensor:
         rows = []
-        for group in range(3):
+        for row, lattice in enumerate(lattices):
             for window in range(2):
-                start = first[group, window].tolist()
-                box = [slice(s + 8, s + 8 + n) for s, n in zip(start, sites, strict=True)]
-                rows.append(self.table[(group, window, slice(None), *box)])
-        return torch.stack(rows).unflatten(0, (3, 2))
+                start = cells.first[row, window].tolist()
+                box = [slice(s + 8, s + 8 + n) for s, n in zip(start, cells.sites, strict=True)]
+                rows.append(self.table[(lattice, window, slice(numbers), *box)])
+        return torch.stack(rows).unflatten(0, (len(lattices), 2))
 
 
 def grid(axes: int, points: int = 5) -> list[Tensor]:
@@ -44,11 +45,11 @@ def grid(axes: int, points: int = 5) -> list[Tensor]:
 @pytest.mark.parametrize("sigma", [0.2, 1.0])
 def test_it_is_equation_4_or_separable(axes: int, kind: str, sigma: float) -> None:
     numbers = Numbers(axes)
-    field = LatentField(axes, 3, 2, SPACING[:axes], kind, sigma)  # type: ignore[arg-type]
+    field = LatentField(axes, 0, 3, 4, 2, SPACING[:axes], kind, sigma)  # type: ignore[arg-type]
     phases = grid(axes)
     found = field(phases, numbers)
     assert found.shape == (2, *[5] * axes, 12)
-    offsets = field.offsets().numpy()
+    offsets = shifts(axes, 3).numpy()
     for window in range(2):
         for index in np.ndindex(*[5] * axes):
             for group in range(3):
@@ -67,13 +68,14 @@ def test_it_is_equation_4_or_separable(axes: int, kind: str, sigma: float) -> No
 
 def jump(kind: str, sigma: float) -> float:
     """Root mean square step across a face of the cells, over that of the field."""
-    field = LatentField(3, 1, 1, (1.0, 1.0, 1.0), kind, sigma)  # type: ignore[arg-type]
+    field = LatentField(3, 0, 1, 64, 1, (1.0, 1.0, 1.0), kind, sigma)  # type: ignore[arg-type]
     line = torch.linspace(0.05, 7.95, 40, dtype=torch.float64)[None]
     generator = torch.Generator().manual_seed(3)
     table = 2 * torch.rand((1, 1, 64, 12, 12, 12), generator=generator) - 1
 
-    def numbers(first: Tensor, sites: tuple[int, ...]) -> Tensor:
-        box = [slice(f, f + n) for f, n in zip(first[0, 0].tolist(), sites, strict=True)]
+    def numbers(lattices: range, count: int, cells: Cells) -> Tensor:
+        first = cells.first[0, 0].tolist()
+        box = [slice(f, f + n) for f, n in zip(first, cells.sites, strict=True)]
         return table[(slice(None), slice(None), slice(None), *box)]
 
     sides = [
@@ -92,7 +94,7 @@ def test_the_quintic_fields_are_continuous_and_equation_4_is_not() -> None:
 
 def test_the_period_gets_a_gradient_through_the_latent_field() -> None:
     numbers = Numbers(2)
-    field = LatentField(2, 3, 1, (0.3, 0.3), "quintic", 0.2)
+    field = LatentField(2, 0, 3, 4, 1, (0.3, 0.3), "quintic", 0.2)
     for_scale = torch.tensor(1.0, dtype=torch.float64, requires_grad=True)
 
     def total(scale: Tensor) -> Tensor:
@@ -106,7 +108,7 @@ def test_the_period_gets_a_gradient_through_the_latent_field() -> None:
 
 
 def test_groups_are_spread_over_a_cell_and_the_first_is_the_papers() -> None:
-    offsets = LatentField(3, 4, 1, (1.0, 1.0, 1.0), "quintic", 0.2).offsets()
+    offsets = shifts(3, 4)
     assert not offsets[0].any()
     assert ((offsets >= 0) & (offsets < 1)).all()
     for axis in range(3):
@@ -127,12 +129,12 @@ def test_the_quintic_starts_and_ends_flat() -> None:
 
 def test_slopes_make_a_field_with_a_wavelength_as_large_as_values_do() -> None:
     def curve(kind: str) -> np.ndarray:
-        field = LatentField(2, 1, 1, (1.0, 1.0), kind, 0.2)  # type: ignore[arg-type]
+        field = LatentField(2, 0, 1, 2, 1, (1.0, 1.0), kind, 0.2)  # type: ignore[arg-type]
         line = torch.arange(0, 200, 0.25, dtype=torch.float64)[None]
         generator = torch.Generator().manual_seed(1)
 
-        def numbers(first: Tensor, sites: tuple[int, ...]) -> Tensor:
-            return 2 * torch.rand((1, 1, 2, *sites), generator=generator) - 1
+        def numbers(lattices: range, count: int, cells: Cells) -> Tensor:
+            return 2 * torch.rand((1, 1, count, *cells.sites), generator=generator) - 1
 
         # An equal mix of both slopes, as a linear layer would make it.
         found = field([line, line], numbers)[0].sum(-1).numpy()

@@ -28,13 +28,15 @@ def tiles(
     kind: Any = "quintic",
     frame: Frame | None = None,
     guide: Guide | None = None,
+    points: int = 0,
     **options: Any,
 ) -> FieldTiles:
     torch.manual_seed(4)
+    latent = LatentField(axes, points, 2, 3, 2, SPACING[:axes], kind, 0.2)
     made = Generator(
         axes=axes,
         channels=2,
-        latents=6,
+        latents=latent.size,
         guides=0 if guide is None else 1,
         bandwidth=1,
         diagonal=axes == 2,
@@ -47,18 +49,17 @@ def tiles(
             if weight.ndim == 2:
                 weight *= 3
     made.requires_grad_(False)
-    latent = LatentField(axes, 2, 2, SPACING[:axes], kind, 0.2)
     frame = Frame.open(PERIOD[:axes], SPACING[:axes], ENCODED[:axes]) if frame is None else frame
-    return FieldTiles(made, latent, 6, frame, seed=3, guide=guide, **options)
+    return FieldTiles(made, latent, frame, seed=3, guide=guide, **options)
 
 
 def whole(made: FieldTiles, start: tuple[int, ...], shape: tuple[int, ...], **options: Any) -> Any:
     return assemble(made, start, shape, **options)
 
 
-@pytest.mark.parametrize("kind", ["quintic", "paper"])
-def test_a_window_has_the_bits_of_the_whole(kind: str) -> None:
-    made = tiles(kind=kind)
+@pytest.mark.parametrize(("kind", "points"), [("quintic", 0), ("paper", 0), ("gradient", 2)])
+def test_a_window_has_the_bits_of_the_whole(kind: str, points: int) -> None:
+    made = tiles(kind=kind, points=points)
     large = whole(made, (-9, 3, -40), (30, 34, 45))
     assert large.std() > 0.05
     small = whole(made, (-2, 10, -13), (9, 20, 7))
@@ -93,17 +94,19 @@ def test_the_field_is_unbounded() -> None:
 
 def test_seeds_make_different_fields() -> None:
     first = tiles()
-    other = FieldTiles(first._generator, first._latent, 6, first._frame, seed=4)
+    other = FieldTiles(first._generator, first._latent, first._frame, seed=4)
     difference = whole(first, (0, 0, 0), (16, 16, 16)) - whole(other, (0, 0, 0), (16, 16, 16))
     assert np.abs(difference).max() > 0.05
 
 
-@pytest.mark.parametrize("kind", ["quintic", "paper"])
+@pytest.mark.parametrize(("kind", "points"), [("quintic", 0), ("paper", 0), ("gradient", 2)])
 @pytest.mark.parametrize("shape", [(20, 25, 18), (21, 24, 30)])
-def test_a_periodic_output_goes_on_where_it_ends(kind: str, shape: tuple[int, int, int]) -> None:
+def test_a_periodic_output_goes_on_where_it_ends(
+    kind: str, points: int, shape: tuple[int, int, int]
+) -> None:
     frame, stretch = Frame.open(PERIOD, SPACING, ENCODED).periodic(shape)
     assert all(0.8 <= factor <= 1.25 for factor in stretch)
-    made = tiles(kind=kind, frame=frame)
+    made = tiles(kind=kind, frame=frame, points=points)
     first = whole(made, (0, 0, 0), shape)
     for lap in ((1, 0, 0), (0, -1, 2), (3, 1, -1)):
         start = tuple(k * n for k, n in zip(lap, shape, strict=True))
@@ -112,10 +115,11 @@ def test_a_periodic_output_goes_on_where_it_ends(kind: str, shape: tuple[int, in
     np.testing.assert_array_equal(across, np.roll(first, (5, 6, 7), (1, 2, 3)))
 
 
-def test_a_periodic_output_has_no_step_at_its_seam() -> None:
+@pytest.mark.parametrize("points", [0, 1])
+def test_a_periodic_output_has_no_step_at_its_seam(points: int) -> None:
     shape = (20, 25, 18)
     frame, _ = Frame.open(PERIOD, SPACING, ENCODED).periodic(shape)
-    field = whole(tiles(frame=frame), (0, 0, 0), shape)
+    field = whole(tiles(frame=frame, points=points), (0, 0, 0), shape)
     for axis in (1, 2, 3):
         steps = np.abs(np.diff(field, axis=axis))
         seam = np.abs(field.take(0, axis) - field.take(-1, axis))

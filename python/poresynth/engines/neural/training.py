@@ -87,6 +87,8 @@ class Training:
         Why it ended.
     records : list of dict
         The log.
+    notes : dict
+        What the step says of itself, JSON-compatible.
     """
 
     iteration: int = 0
@@ -98,6 +100,7 @@ class Training:
     seconds: float = 0.0
     ended: str = ""
     records: list[dict[str, Any]] = field(default_factory=list)
+    notes: dict[str, Any] = field(default_factory=dict)
 
     def facts(self) -> dict[str, Any]:
         """Return what a model says of its training, JSON-compatible."""
@@ -107,6 +110,7 @@ class Training:
             "figures": self.best,
             "seconds": round(self.seconds, 1),
             "ended": self.ended,
+            **self.notes,
         }
 
 
@@ -121,11 +125,14 @@ class Step(Protocol):
         By name. The loop multiplies the learning rate of each group by that of the schedule.
     generator : str
         Name of the network that is averaged, judged and kept.
+    notes : dict
+        What a model says of the training besides its figures, JSON-compatible.
     """
 
     networks: dict[str, nn.Module]
     optimizers: dict[str, torch.optim.Optimizer]
     generator: str
+    notes: dict[str, Any]
 
     def prepare(self, machine: Machine) -> None:
         """Move everything to the machine; called once, before all else."""
@@ -223,7 +230,7 @@ class _Run:
         self.step, self.parameters, self.folder = step, parameters, folder
         self.identity, self.exemplar, self.progress = identity, exemplar, progress
         self.machine = Machine(parameters)
-        self.training = Training()
+        self.training = Training(notes=step.notes)
         self.averaged = copy.deepcopy(step.networks[step.generator])
         self.rates = {
             name: [group["lr"] for group in optimizer.param_groups]

@@ -24,10 +24,12 @@ from poresynth.engines.periodic_field.guidance import Factors
 from poresynth.engines.periodic_field.latent import LatentField
 from poresynth.engines.periodic_field.options import FieldOptions
 from poresynth.engines.periodic_field.parameters import FieldParameters, Preset, resolve
-from poresynth.engines.periodic_field.period import starting_period
+from poresynth.engines.periodic_field.period import Period, starting_period
 from poresynth.engines.periodic_field.sampling import FieldTiles, Frame
 from poresynth.engines.periodic_field.scaling import DistanceScaling
+from poresynth.engines.periodic_field.start import Start, choose_start, spacings
 from poresynth.engines.periodic_field.training import FieldStep
+from poresynth.engines.periodic_field.windows import Windows
 from poresynth.engines.porosity import PorosityLike
 from poresynth.engines.request import Request
 from poresynth.errors import ParameterError
@@ -45,7 +47,10 @@ for four wavelengths: half of a wavelength. At two thirds the struts of a foam c
 D2 was 18 instead of 12 %, and the surface 17 instead of 7 % too small (one training each)."""
 
 # What a seed drawn from that of the training is for.
-_WEIGHTS = 1
+_WEIGHTS, _MODELS, _SHARES = 1, 4, 5
+
+_CALIBRATED = {2: 384, 3: 80}
+"""Edge of the field whose shares are made right, pixels or voxels."""
 
 # Channels of a plain array (y, x, channel): more are the voxels of a volume.
 _CHANNELS = 4
@@ -109,25 +114,33 @@ class PeriodicField(NeuralEngine):
         of a lattice was not.
     width, depth : int
         Of the perceptron; 48 and 4 of the preset tiny.
-    latents : int, default 12
-        Numbers of the latent field at a point.
-    groups : int, default 4
-        Lattices that carry them, each shifted by its own fraction of a cell.
-    octaves : int, default 2
+    points : int, default 2
+        Lattices of random points whose distances a point of the field has as latent values (not in
+        the paper): struts and grains are made of them. 0 where a period is clear.
+    latents : int
+        Numbers of the latent field at a point; by the preset.
+    groups : int
+        Lattices that carry them, each shifted by its own fraction of a cell; by the preset.
+    octaves : int
         Spacings of the lattices, each half of the one before; the groups take them in turn.
     spacing : float, optional
-        Distance of the sites of the coarsest lattices as a phase, 2 being a period. By default 1
-        where the exemplar has a period and 0.25 where four wavelengths stand for one: half of a
-        wavelength.
+        Distance of the sites of the coarsest lattices as a phase, 2 being a period: of the points,
+        or of numbers without. By default the one whose model is nearest to the exemplar, with
+        points; else 1 where the exemplar has a period and 0.25 where four wavelengths stand for
+        one: half of a wavelength.
     interpolation : {"gradient", "quintic", "paper"}, default "gradient"
         Between the sites: slopes or values, by quintics; or Eq. 4, which is not continuous.
     sigma : float, default 0.2
         σ of Eq. 4, in cells.
     crop : int
         Edge of the crops that the critic sees, and of the patches of Eq. 6; by the preset.
+    start_iterations : int, default 200
+        Iterations at the beginning that lead the network to the model of stochastic geometry that
+        is nearest to the exemplar, such as edges of Voronoi cells (not in the paper). 0: from a
+        flat field. Needs points.
     sliced_iterations : int, optional
-        Iterations with the sliced-Wasserstein loss; those that follow are adversarial. All by
-        default: it is the faster and steadier one.
+        Iterations before the adversarial ones: those of the start, and of the sliced-Wasserstein
+        losses. All by default: they are faster and steadier.
     reach : int
         Longest distance that the sliced-Wasserstein loss sees, along an axis; by the preset, at
         most half of the exemplar.
@@ -137,6 +150,9 @@ class PeriodicField(NeuralEngine):
         Fewest and most points of a filter.
     places : int, default 1024
         Independent places of the field that a grid is evaluated at in a step.
+    jets : float, default 0.5
+        Share of the steps that compare slopes and curvatures instead of filters' responses. 0 where
+        a period is clear, of which they tell nothing.
     critic_maps : tuple of int, default (16, 32, 64)
         Feature maps of the critic's strided convolutions.
     critic_steps, generator_steps : int, default 1, 1
@@ -176,7 +192,7 @@ compile, device, evaluate_every, patience, training_seed
     --------
     >>> from poresynth.engines.periodic_field import PeriodicField
     >>> from poresynth.exemplars import spinodal
-    >>> engine = PeriodicField(iterations=200, places=128, evaluate_every=100, device="cpu")
+    >>> engine = PeriodicField(iterations=200, start_iterations=0, places=128, device="cpu")
     >>> engine = engine.fit(spinodal((32, 32, 32)))
     >>> engine.sample((40, 40, 40), seed=1).shape
     (40, 40, 40)
@@ -207,6 +223,7 @@ compile, device, evaluate_every, patience, training_seed
         diagonal: bool | None = None,
         width: int | None = None,
         depth: int | None = None,
+        points: int | None = None,
         latents: int | None = None,
         groups: int | None = None,
         octaves: int | None = None,
@@ -214,12 +231,14 @@ compile, device, evaluate_every, patience, training_seed
         interpolation: Literal["gradient", "quintic", "paper"] | None = None,
         sigma: float | None = None,
         crop: int | None = None,
+        start_iterations: int | None = None,
         sliced_iterations: int | None = None,
         reach: int | None = None,
         grids: int | None = None,
         filters: int | None = None,
         taps: tuple[int, int] | None = None,
         places: int | None = None,
+        jets: float | None = None,
         critic_maps: tuple[int, ...] | None = None,
         critic_steps: int | None = None,
         generator_steps: int | None = None,
@@ -284,6 +303,7 @@ compile, device, evaluate_every, patience, training_seed
         The same exemplar, parameters and training seed give the same network on one machine.
         """
         self._map = None if guidance is None else np.asarray(guidance)
+        self._tell: ProgressCallback = progress or (lambda stage, share: None)
         volume = _as_exemplar(exemplar)
         return super().fit(volume, folder=folder, resume=resume, progress=progress, origin=origin)
 
@@ -433,7 +453,7 @@ compile, device, evaluate_every, patience, training_seed
         return Generator(
             axes=_axes(self.exemplar_),
             channels=self._scaling.channels,
-            latents=p.latents,
+            latents=self._latent_field(()).size,
             guides=0 if p.guidance == "none" else 1,
             bandwidth=p.bandwidth,
             diagonal=p.diagonal,
@@ -451,27 +471,73 @@ compile, device, evaluate_every, patience, training_seed
             factors, own = found
             guide = own.reshape(1, *flat.shape[1:])
             self.extras = {"guidance": torch.tensor([factors.low, factors.high, factors.mean])}
+        windows = Windows(
+            torch.from_numpy(np.ascontiguousarray((flat + 1) / 2)),
+            None if guide is None else torch.from_numpy(np.ascontiguousarray(guide)),
+            p.crop if p.guidance == "density" else None,
+        )
         period = starting_period(flat, p.period, p.crop, p.bandwidth)
+        if any(period.clear):
+            # What has a period has its structure from the phases, and slopes tell nothing of it.
+            free = {name for name in ("points", "jets") if self.parameters[name] is None}
+            p = self.parameters_ = p.model_copy(update=dict.fromkeys(free, 0))
+        start = self._start(windows, period)
+        spacing = self._spacing(period) if start is None else start.spacing
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(mix_seed(p.training_seed, _WEIGHTS) >> 1)
             generator = self._generator()
             generator.start.copy_(torch.tensor(period.length))
-            spacing = [p.spacing or SPACING[clear] for clear in period.clear]
             generator.spacing.copy_(torch.tensor(spacing))
             if p.encoded == "clear":
                 generator.encoded.copy_(torch.tensor(period.clear))
             return FieldStep(
                 p,
-                flat,
-                guide,
+                windows,
                 generator,
-                self._latent(generator),
+                self._latent_field(spacing),
+                start,
                 self._evaluate,
                 self._keep,
             )
 
+    def _start(self, windows: Windows, period: Period) -> Start | None:
+        """Choose what the training starts from, if there is room to."""
+        p = self.parameters_
+        if not (p.points and p.started):
+            return None
+        chosen = p.spacing is not None or p.encoded == "all"
+        free = [not (clear or chosen) for clear in period.clear]
+        return choose_start(
+            windows,
+            p.reach,
+            self._latent_field,
+            period.length,
+            spacings(period, self._spacing(period), free),
+            mix_seed(p.training_seed, _MODELS),
+            lambda share: self._tell("choosing a start", share),
+        )
+
+    def _spacing(self, period: Period) -> tuple[float, ...]:
+        """Return the distance of the coarsest sites along each axis, as a phase."""
+        p = self.parameters_
+        coarser = 2 if p.points else 1
+        return tuple(p.spacing or coarser * SPACING[clear] for clear in period.clear)
+
     def _calibrate(self, generator: nn.Module) -> None:
-        pass
+        """Shift distances until the field's own surface parts the exemplar's shares.
+
+        The losses weigh slopes against shares, and leave the shares off by a few percent.
+        """
+        p = self.parameters_
+        if self.field_ != "distance" or self._scaling.channels > 1 or p.guidance != "none":
+            return
+        made = cast(Generator, generator).eval()
+        edge = _CALIBRATED[made.axes]
+        shape = (1 if made.axes == 2 else edge, edge, edge)
+        tiles = self._tiles(made, mix_seed(p.training_seed, _SHARES), shape, "open")
+        middle = float(np.quantile(assemble(tiles, (0, 0, 0), shape), self.porosity_))
+        with torch.no_grad():
+            made.last.bias.sub_(torch.tensor((1 + middle) / 2).clamp(0.05, 0.95).logit())
 
     def _tiles(
         self, generator: nn.Module, seed: int, shape: Shape, boundary: Boundary, options: Any = None
@@ -492,8 +558,7 @@ compile, device, evaluate_every, patience, training_seed
             raise ParameterError("guidance", "given", "was not trained: see the parameter guidance")
         return FieldTiles(
             made,
-            self._latent(made),
-            p.latents,
+            self._latent_field(tuple(made.spacing.tolist())),
             self._frame(made, whole, boundary, o)[0],
             seed=seed,
             constant=o.latent == "constant",
@@ -548,10 +613,19 @@ compile, device, evaluate_every, patience, training_seed
             return asked
         return "exemplar" if self.exemplar_.channels > 1 and porosity is None else "porosity"
 
-    def _latent(self, generator: Generator) -> LatentField:
+    def _latent_field(self, spacing: tuple[float, ...]) -> LatentField:
+        """Return the latent field whose coarsest sites are so far apart along each axis."""
         p = self.parameters_
-        spacing = tuple(generator.spacing.tolist())
-        return LatentField(generator.axes, p.groups, p.octaves, spacing, p.interpolation, p.sigma)
+        return LatentField(
+            _axes(self.exemplar_),
+            p.points,
+            p.groups,
+            p.latents // p.groups,
+            p.octaves,
+            spacing,
+            p.interpolation,
+            p.sigma,
+        )
 
 
 def _axes(volume: Volume) -> int:

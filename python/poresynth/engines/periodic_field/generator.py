@@ -23,7 +23,7 @@ class Generator(nn.Module):
     channels : int
         Channels of the output.
     latents : int
-        Latent numbers of a point.
+        Latent values of a point.
     guides : int
         Guidance factors of a point (Eq. 5); 0 without.
     bandwidth : int
@@ -127,6 +127,16 @@ class Generator(nn.Module):
     def _seen(self, signs: Sequence[int]) -> Tensor:
         """Return 1 if every axis of a sum of phases is encoded, else 0."""
         return self.encoded[[sign != 0 for sign in signs]].prod()
+
+    @property
+    def channels(self) -> int:
+        """Values of a point."""
+        return self.last.out_features
+
+    @property
+    def device(self) -> torch.device:
+        """Where the weights are."""
+        return self.scale.device
 
     @property
     def frequency(self) -> Tensor:

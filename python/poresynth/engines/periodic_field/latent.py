@@ -1,4 +1,4 @@
-"""The latent random field: numbers on lattices, interpolated in between (ipfn_2022 §3.2)."""
+"""The latent random field (ipfn_2022 §3.2): numbers of lattices, and distances to random points."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from typing import Literal
 import torch
 from torch import Tensor
 
+from poresynth.engines.periodic_field.lattice import Cells, cells_around, shifts
+from poresynth.engines.periodic_field.points import distances, nearest
+
 __all__ = ["LatentField", "LatticeValues", "quintic"]
 
-LatticeValues = Callable[[Tensor, tuple[int, ...]], Tensor]
-"""The random numbers: called with the first site of each window of the lattice, int64 of shape
-(group, batch, axis), and the sites of a window along each axis; returns the numbers, shape
-(group, batch, channel, sites, …)."""
+LatticeValues = Callable[[range, int, Cells], Tensor]
+"""The random numbers, −1 to 1: called with the lattices, the numbers of a site, and the windows of
+the lattices; returns the numbers, shape (lattice, batch, number, sites, …)."""
 
 
 def quintic(t: Tensor) -> Tensor:
@@ -32,15 +34,19 @@ class LatentField:
     ----------
     axes : int
         2 for images, 3 for volumes.
+    points : int
+        Lattices of random points, one in each cell; a point of the field has the distances to the
+        nearest of each. They come before the lattices of numbers.
     groups : int
-        Lattices, each with its own numbers and shifted by its own fraction of a cell. One aligned
+        Lattices of numbers, each shifted by its own fraction of a cell. One aligned
         lattice for all numbers prints itself into the result: the largest autocovariance along an
         axis, beyond 10 voxels, fell from 0.50 to 0.05 with four.
+    numbers : int
+        Numbers at each site of them.
     octaves : int
         Every group's lattice is twice as fine as that of the group before, over so many groups;
-        then the first spacing comes again. A foam has cells of 30 voxels and struts of 6: on
-        lattices of one spacing the struts came out too thick, and the autocovariance faded too
-        late.
+        then the first spacing comes again. Beside points the coarsest is half as coarse as
+        theirs, for their cells are what is large.
     spacing : tuple of float
         Distance of the sites of the coarsest lattices along each axis, as a phase: 2 is a period of
         the encoding.
@@ -59,30 +65,23 @@ class LatentField:
     """
 
     axes: int
+    points: int
     groups: int
+    numbers: int
     octaves: int
     spacing: tuple[float, ...]
     interpolation: Literal["gradient", "quintic", "paper"]
     sigma: float
 
-    def offsets(self) -> Tensor:
-        """Return the shift of each group along each axis in cells, shape (group, axis).
-
-        Multiples of the powers of the root of x^(axes + 1) = x + 1 (a Kronecker sequence) spread
-        evenly over a cell, for any number of groups; the first is 0, as in the paper.
-        """
-        root = 1.5
-        for _ in range(64):
-            root = (1 + root) ** (1 / (self.axes + 1))
-        rows = [
-            [group / root ** (axis + 1) % 1.0 for axis in range(self.axes)]
-            for group in range(self.groups)
-        ]
-        return torch.tensor(rows, dtype=torch.float64)
+    @property
+    def size(self) -> int:
+        """Values of a point: distances, then numbers."""
+        return self.points * nearest(self.axes) + self.groups * self.numbers
 
     def fineness(self) -> list[int]:
-        """Return how many sites each group has where the coarsest has one, along an axis."""
-        return [1 << group % self.octaves for group in range(self.groups)]
+        """Return how many sites each lattice has where the coarsest has one, along an axis."""
+        first = 2 if self.points else 1
+        return [1] * self.points + [first << group % self.octaves for group in range(self.groups)]
 
     def __call__(
         self,
@@ -109,33 +108,31 @@ class LatentField:
         Returns
         -------
         Tensor
-            Shape (batch, points, …, number), of the type of the numbers.
+            Shape (batch, points, …, value), of the type of the numbers, where they are.
         """
         spacing = self.spacing if spacing is None else spacing
-        offsets = self.offsets().to(phases[0].device, phases[0].dtype)[..., None, None]
-        fine = torch.tensor(self.fineness(), device=phases[0].device)[:, None, None]
-        firsts, cells, fractions, sites = [], [], [], []
-        for axis, phase in enumerate(phases):
-            place = phase * (fine / spacing[axis]) - offsets[:, axis]  # (group, batch, points)
-            floor = place.detach().floor()
-            fractions.append(place - floor)
-            cell, around = floor.long(), place.detach()
-            if laps is not None:
-                cell, around = cell + laps[axis] * fine, around + laps[axis] * fine
-            first = cell.amin(-1, keepdim=True)
-            # As many as such a grid can touch, wherever it lies and however it is rounded.
-            extent = float((around.amax(-1) - around.amin(-1)).max())
-            sites.append(math.ceil(extent + 1e-6) + 2)
-            firsts.append(first[..., 0])
-            cells.append(cell - first)
-        numbers = values(torch.stack(firsts, dim=-1), tuple(sites))
-        fractions = [t.to(numbers.dtype) for t in fractions]
+        shift, fineness = shifts(self.axes, self.points + self.groups), self.fineness()
+        parts = []
+        if self.points:
+            lattices = range(self.points)
+            at = slice(0, self.points)
+            cells = cells_around(phases, spacing, fineness[at], shift[at], laps, below=1)
+            found = values(lattices, self.axes, cells)
+            # About as large as numbers are.
+            parts.append(2 * distances(found, cells.like(found)) - 1.2)
+        lattices = range(self.points, self.points + self.groups)
+        at = slice(self.points, None)
+        cells = cells_around(phases, spacing, fineness[at], shift[at], laps)
+        numbers = values(lattices, self.numbers, cells)
+        cells = cells.like(numbers)
         if self.interpolation == "paper":
-            field = _softmax(numbers, cells, fractions, self.sigma)
+            field = _softmax(numbers, cells.index, cells.fraction, self.sigma)
         else:
-            field = _separable(numbers, cells, fractions, self.interpolation == "gradient")
-        # (group, batch, channel, points, …) → (batch, points, …, group · channel)
-        return field.permute(1, *range(3, field.ndim), 0, 2).flatten(-2)
+            slopes = self.interpolation == "gradient"
+            field = _separable(numbers, cells.index, cells.fraction, slopes)
+        parts.append(field.movedim(2, -1))
+        # (lattice, batch, points, …, value) → (batch, points, …, lattice · value)
+        return torch.cat([part.movedim(0, -2).flatten(-2) for part in parts], dim=-1)
 
 
 def _separable(

@@ -36,6 +36,7 @@ class FieldParameters(TrainingParameters):
     diagonal: bool
     width: int = Field(48, ge=1, le=4096)
     depth: int = Field(4, ge=2, le=64)
+    points: int = Field(2, ge=0, le=64)
     latents: int = Field(12, ge=1, le=4096)
     groups: int = Field(4, ge=1, le=256)
     octaves: int = Field(2, ge=1, le=8)
@@ -43,12 +44,14 @@ class FieldParameters(TrainingParameters):
     interpolation: Literal["gradient", "quintic", "paper"] = "gradient"
     sigma: float = Field(0.2, gt=0, le=100)
     crop: int = Field(ge=4, le=1024)
+    start_iterations: int = Field(200, ge=0)
     sliced_iterations: int | None = Field(None, ge=0)
     reach: int = Field(ge=4, le=1024)
     grids: int = Field(64, ge=1, le=1 << 12)
     filters: int = Field(64, ge=1, le=1 << 12)
     taps: tuple[Taps, Taps] = (1, 8)
     places: int = Field(1024, ge=16, le=1 << 20)
+    jets: float = Field(0.5, ge=0, le=1)
     critic_maps: tuple[Maps, ...] = Field((16, 32, 64), min_length=1, max_length=8)
     critic_steps: int = Field(1, ge=1, le=100)
     generator_steps: int = Field(1, ge=1, le=100)
@@ -70,8 +73,13 @@ class FieldParameters(TrainingParameters):
 
     @property
     def sliced(self) -> int:
-        """Iterations with the sliced-Wasserstein loss; the others are adversarial."""
+        """Iterations before those with the critic."""
         return self.iterations if self.sliced_iterations is None else self.sliced_iterations
+
+    @property
+    def started(self) -> int:
+        """Iterations that lead to the start."""
+        return min(self.start_iterations, self.sliced)
 
 
 PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
@@ -79,6 +87,9 @@ PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
         axes: {
             "crop": {2: 64, 3: 24}[axes],
             "reach": {2: 64, 3: 32}[axes],
+            "latents": {2: 12, 3: 18}[axes],
+            "groups": {2: 4, 3: 2}[axes],
+            "octaves": {2: 2, 3: 1}[axes],
             "batch": 4,
             "diagonal": axes == 2,
             "iterations": 600,
@@ -94,8 +105,9 @@ PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
             "width": 96,
             "depth": 6,
             "bandwidth": 2,
-            "latents": 20,
-            "groups": 5,
+            "points": 4,
+            "latents": 32,
+            "groups": 4,
             "crop": {2: 96, 3: 32}[axes],
             "reach": {2: 96, 3: 48}[axes],
             "batch": 8,
@@ -117,6 +129,8 @@ PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
             "bandwidth": 5,
             "width": 128,
             "depth": 10,
+            "points": 0,
+            "jets": 0.0,
             "latents": 5,
             "groups": 1,
             "octaves": 1,
@@ -125,6 +139,7 @@ PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
             "crop": {2: 128, 3: 64}[axes],
             "reach": {2: 128, 3: 64}[axes],
             "batch": 8,
+            "start_iterations": 0,
             "sliced_iterations": 0,
             "critic_maps": (64, 128, 256, 512),
             "critic_steps": 5,

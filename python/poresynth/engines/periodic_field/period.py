@@ -12,7 +12,7 @@ from scipy import fft
 
 from poresynth.errors import ParameterError
 
-__all__ = ["Period", "estimate_period", "starting_period"]
+__all__ = ["WAVELENGTHS", "Period", "estimate_period", "starting_period"]
 
 CLEAR = 0.25
 """Autocovariance over the variance that a peak of a period has, and by which it stands above the

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -12,9 +13,9 @@ from torch import Tensor
 
 from poresynth.engines.neural.machine import DTYPES
 from poresynth.engines.neural.noise import lattice_noise, mix_seed
-from poresynth.engines.periodic_field.generator import Generator
 from poresynth.engines.periodic_field.guidance import Guide
 from poresynth.engines.periodic_field.latent import LatentField
+from poresynth.engines.periodic_field.lattice import Cells
 from poresynth.errors import ParameterError
 
 __all__ = ["FieldTiles", "Frame"]
@@ -168,17 +169,39 @@ class Frame:
         return phases, None if self.period is None else laps
 
 
+class Network(Protocol):
+    """What makes a field of phases and latent values, such as a generator.
+
+    Attributes
+    ----------
+    axes, channels : int
+        Axes of the field, and values of a point.
+    device : torch.device
+    """
+
+    axes: int
+
+    @property
+    def channels(self) -> int: ...
+
+    @property
+    def device(self) -> torch.device: ...
+
+    def __call__(
+        self, phases: Sequence[Tensor], latent: Tensor, guidance: Tensor | None = None
+    ) -> Tensor:
+        """Return the field, 0 to 1, as `Generator.forward`."""
+
+
 class FieldTiles:
     """The endless field of a generator (`poresynth.engines.neural.tiles.Tiles`), −1 to 1.
 
     Parameters
     ----------
-    generator : Generator
+    generator : Network
         Trained, on the device that is to compute.
     latent : LatentField
         As in training.
-    numbers : int
-        Latent numbers of a point.
     frame : Frame
     seed : int
     constant : bool, default False
@@ -193,9 +216,8 @@ class FieldTiles:
 
     def __init__(
         self,
-        generator: Generator,
+        generator: Network,
         latent: LatentField,
-        numbers: int,
         frame: Frame,
         *,
         seed: int,
@@ -204,13 +226,11 @@ class FieldTiles:
         precision: str = "float32",
         compiled: bool = False,
     ) -> None:
-        self.device = generator.scale.device
-        self.channels = generator.last.out_features
+        self.device, self.channels = generator.device, generator.channels
         self.edge = TILE["cpu" if self.device.type == "cpu" else "other"][generator.axes]
         self._generator, self._latent, self._frame = generator, latent, frame
         self._call: Callable[..., Tensor] = torch.compile(generator) if compiled else generator
-        self._numbers = numbers // latent.groups
-        self._seeds = [mix_seed(seed, group) for group in range(latent.groups)]
+        self._seed = seed
         self._constant, self._guide, self._precision = constant, guide, precision
 
     def __call__(self, index: Shape) -> Field:
@@ -218,7 +238,7 @@ class FieldTiles:
         axes = self._generator.axes
         places = [i * e + np.arange(e) for i, e in zip(index, self.edge, strict=True)]
         phases, laps = self._frame.phases(places[3 - axes :])
-        latent = self._latent(phases, self._noise, self._frame.spacing, laps).to(self.device)
+        latent = self._latent(phases, self._noise, self._frame.spacing, laps)
         # One period is a phase of 2; what is left is small enough for float32.
         turned = [(phase % 2).float().to(self.device) for phase in phases]
         guide = None
@@ -231,21 +251,18 @@ class FieldTiles:
         field: Field = made[0].float().cpu().numpy()
         return field.reshape(self.channels, *self.edge)
 
-    def _noise(self, first: Tensor, sites: tuple[int, ...]) -> Tensor:
-        """Return the numbers on the lattices, shape (group, 1, number, sites, …)."""
+    def _noise(self, lattices: range, numbers: int, cells: Cells) -> Tensor:
+        """Return the numbers on lattices, shape (lattice, 1, number, sites, …)."""
         rows = []
-        for seed, start, fine in zip(
-            self._seeds, first[:, 0].tolist(), self._latent.fineness(), strict=True
-        ):
+        for lattice, start in zip(lattices, cells.first[:, 0].tolist(), strict=True):
+            seed, fine = mix_seed(self._seed, lattice), self._latent.fineness()[lattice]
             if self._constant:
-                one = lattice_noise(
-                    seed, [0] * len(sites), [1] * len(sites), channels=self._numbers
-                )
-                rows.append(np.broadcast_to(one, (self._numbers, *sites)))
+                one = lattice_noise(seed, [0] * len(start), [1] * len(start), channels=numbers)
+                rows.append(np.broadcast_to(one, (numbers, *cells.sites)))
             else:
                 laps = self._frame.sites
                 period = None if laps is None else [fine * count for count in laps]
                 rows.append(
-                    lattice_noise(seed, start, sites, channels=self._numbers, period=period)
+                    lattice_noise(seed, start, cells.sites, channels=numbers, period=period)
                 )
-        return torch.from_numpy(np.stack(rows))[:, None]
+        return torch.from_numpy(np.stack(rows))[:, None].to(self.device)

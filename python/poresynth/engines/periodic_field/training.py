@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
@@ -17,9 +15,12 @@ from poresynth.engines.neural.training import Training
 from poresynth.engines.periodic_field.adversarial import critic_loss, generator_loss
 from poresynth.engines.periodic_field.critic import Critic
 from poresynth.engines.periodic_field.generator import Generator
+from poresynth.engines.periodic_field.jets import JetLoss
 from poresynth.engines.periodic_field.latent import LatentField
+from poresynth.engines.periodic_field.lattice import Cells
 from poresynth.engines.periodic_field.parameters import FieldParameters
 from poresynth.engines.periodic_field.responses import ResponseLoss
+from poresynth.engines.periodic_field.start import Start
 from poresynth.engines.periodic_field.windows import Windows, grid_phases
 
 __all__ = ["FieldStep"]
@@ -28,8 +29,11 @@ NODES = 4
 """Lines along each axis of the grids of the sliced-Wasserstein loss: 16 points of an image, 64 of a
 volume, whose neighbours are a voxel apart in the narrowest."""
 
+JETS = 1.0
+"""Weight of the distance of jets, which is in their standard deviations."""
+
 # What a seed drawn from that of the training is for.
-_FILTERS = 2
+_FILTERS, _JETS = 2, 3
 
 
 class FieldStep:
@@ -38,13 +42,13 @@ class FieldStep:
     Parameters
     ----------
     parameters : FieldParameters
-    field : numpy.ndarray
-        The exemplar's, −1 to 1, shape (channel, edge, …).
-    guide : numpy.ndarray or None
-        Its guidance factor, shape (1, edge, …).
+    windows : Windows
+        Of the exemplar, 0 to 1.
     generator : Generator
         Untrained, with its starting period.
     latent : LatentField
+    start : Start or None
+        What the first iterations are led to.
     judge : callable
         Judges a generator.
     keep : callable
@@ -56,26 +60,25 @@ class FieldStep:
     def __init__(
         self,
         parameters: FieldParameters,
-        field: npt.NDArray[np.float32],
-        guide: npt.NDArray[np.float32] | None,
+        windows: Windows,
         generator: Generator,
         latent: LatentField,
+        start: Start | None,
         judge: Callable[[nn.Module], Evaluation],
         keep: Callable[[nn.Module, Evaluation, Training], None],
     ) -> None:
         p = self.parameters = parameters
-        shown = (field + 1) / 2
-        self._windows = Windows(
-            torch.from_numpy(np.ascontiguousarray(shown)),
-            None if guide is None else torch.from_numpy(np.ascontiguousarray(guide)),
-            p.crop if p.guidance == "density" else None,
-        )
-        self._latent = latent
+        self._windows, self._latent, self._start = windows, latent, start
         self.evaluate, self.keep = judge, keep
-        generator.start_from(shown.reshape(len(field), -1).mean(1).tolist())
+        field = windows.field
+        generator.start_from(field.flatten(1).mean(1).tolist())
+        self.notes: dict[str, Any] = {} if start is None else {"start": start.words()}
+        # Distances to points do not tell how they change with the period, and where nothing but the
+        # latent field tells places apart their spacing is chosen already.
+        learned = p.learn_period and not (p.points and not generator.encoded.any())
         networks: dict[str, nn.Module] = {"generator": generator}
         groups: list[dict[str, Any]] = [
-            {"params": [generator.scale], "lr": p.period_rate if p.learn_period else 0.0},
+            {"params": [generator.scale], "lr": p.period_rate if learned else 0.0},
             {"params": [t for t in generator.parameters() if t is not generator.scale]},
         ]
         optimizers: dict[str, torch.optim.Optimizer] = {
@@ -84,7 +87,7 @@ class FieldStep:
         if p.sliced < p.iterations:
             critic = Critic(
                 axes=field.ndim - 1,
-                channels=self._windows.channels,
+                channels=windows.channels,
                 maps=p.critic_maps,
                 crop=p.crop,
             )
@@ -110,21 +113,39 @@ class FieldStep:
                 places=p.places,
                 random=random,
             )
+            random.manual_seed(mix_seed(p.training_seed, _JETS))
+            self._jets = JetLoss(self._windows, reach=p.reach, places=p.places, random=random)
 
     def run(self, machine: Machine, iteration: int, random: torch.Generator) -> dict[str, Tensor]:
         """Do one iteration."""
-        if iteration < self.parameters.sliced:
-            return self._run_sliced(machine, random)
-        return self._run_adversarial(machine, random)
+        p = self.parameters
+        if self._start is not None and iteration < p.started:
+            return self._run_start(machine, self._start, random)
+        return (self._run_sliced if iteration < p.sliced else self._run_adversarial)(
+            machine, random
+        )
 
-    def _run_sliced(self, machine: Machine, random: torch.Generator) -> dict[str, Tensor]:
-        responses = self._responses
+    def _run_start(
+        self, machine: Machine, start: Start, random: torch.Generator
+    ) -> dict[str, Tensor]:
+        """Lead the generator to the model that it starts from."""
 
         def losses() -> dict[str, Tensor]:
-            grid = int(torch.randint(len(responses.offsets), (), generator=random))
-            offsets = list(responses.offsets[grid])
-            fake = self._fake(machine, offsets, responses.places, random)
-            return {"sliced": responses(fake, grid)}
+            grid = int(torch.randint(len(self._responses.offsets), (), generator=random))
+            offsets = list(self._responses.offsets[grid])
+            phases, latent, guide = self._points(machine, offsets, self.parameters.places, random)
+            made = self._made["generator"](phases, latent, guide)
+            return {"start": (made - start(latent, guide)).abs().mean()}
+
+        return machine.update(self.optimizers["generator"], losses)
+
+    def _run_sliced(self, machine: Machine, random: torch.Generator) -> dict[str, Tensor]:
+        def losses() -> dict[str, Tensor]:
+            by_jets = float(torch.rand((), generator=random)) < self.parameters.jets
+            loss: ResponseLoss | JetLoss = self._jets if by_jets else self._responses
+            grid = int(torch.randint(len(loss.offsets), (), generator=random))
+            fake = self._fake(machine, list(loss.offsets[grid]), loss.places, random)
+            return {"sliced": (JETS if by_jets else 1.0) * loss(fake, grid)}
 
         return machine.update(self.optimizers["generator"], losses)
 
@@ -156,20 +177,25 @@ class FieldStep:
         self, machine: Machine, offsets: list[Tensor], count: int, random: torch.Generator
     ) -> Tensor:
         """Return grids of points that the generator makes, with guidance as further channels."""
-        p, network = self.parameters, self.networks["generator"]
+        phases, latent, guide = self._points(machine, offsets, count, random)
+        made: Tensor = self._made["generator"](phases, latent, guide)
+        return made if guide is None else torch.cat([made, guide.to(made.dtype)], dim=1)
+
+    def _points(
+        self, machine: Machine, offsets: list[Tensor], count: int, random: torch.Generator
+    ) -> tuple[list[Tensor], Tensor, Tensor | None]:
+        """Return phases, latent values and guidance of grids of points anywhere in the field."""
+        network = self.networks["generator"]
         assert isinstance(network, Generator)
         frequency = network.frequency
         shift = self._shift(machine, count, frequency, random)
         phases = grid_phases(offsets, frequency, shift)
 
-        def numbers(first: Tensor, sites: tuple[int, ...]) -> Tensor:
-            shape = (*first.shape[:2], p.latents // p.groups, *sites)
+        def numbers(lattices: range, count: int, cells: Cells) -> Tensor:
+            shape = (*cells.first.shape[:2], count, *cells.sites)
             return machine.put(2 * torch.rand(shape, generator=random) - 1)
 
-        latent = self._latent(phases, numbers)
-        guide = self._windows.guides(offsets, count, random)
-        made: Tensor = self._made["generator"](phases, latent, guide)
-        return made if guide is None else torch.cat([made, guide.to(made.dtype)], dim=1)
+        return phases, self._latent(phases, numbers), self._windows.guides(offsets, count, random)
 
     def _shift(
         self, machine: Machine, count: int, frequency: Tensor, random: torch.Generator

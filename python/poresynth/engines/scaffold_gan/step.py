@@ -94,6 +94,7 @@ class ScaffoldStep:
             # What tanh makes the exemplar's mean of.
             mean = exemplar.mean((1, 2, 3)).clamp(-0.99, 0.99)
             generator.layers[-1].get_parameter("bias").data.copy_(torch.atanh(mean))
+        self.notes: dict[str, Any] = {}
         self.networks: dict[str, nn.Module] = {
             "generator": generator,
             "discriminator": discriminator,

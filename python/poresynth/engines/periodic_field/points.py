@@ -1,0 +1,76 @@
+"""Distances to the nearest of random points: what networks of struts and grains are made of."""
+
+from __future__ import annotations
+
+import itertools
+
+import torch
+from torch import Tensor
+
+from poresynth.engines.periodic_field.lattice import Cells
+
+__all__ = ["JITTER", "distances", "nearest"]
+
+JITTER = 0.75
+"""How far a point may lie from the middle of its cell, as a share of what the cell has room for.
+With 1 points come as near as they like, and cells of a foam are more alike than that."""
+
+_FARTHEST = 1.5 - JITTER / 2
+"""Distance in cells within which no point is missed by the cells around that of a place."""
+
+
+def nearest(axes: int) -> int:
+    """Return how many distances there are: as many as points that a corner of cells is between."""
+    return axes + 1
+
+
+def distances(numbers: Tensor, cells: Cells) -> Tensor:
+    """Return the distances to the nearest points (Worley 1996), in cells, ascending.
+
+    Every cell of a lattice has one point. Where two distances are the same is a face of the Voronoi
+    cells of these points, where three are the same an edge, and so on. A distance has the same
+    slope everywhere, which functions of noise cannot have: their slope varies by 40 %, for that of
+    noise does not depend on its value.
+
+    Parameters
+    ----------
+    numbers : Tensor
+        −1 to 1, as many as axes at each site, shape (lattice, batch, axis, sites, …).
+    cells : Cells
+        With one more site below that of each cell.
+
+    Returns
+    -------
+    Tensor
+        Shape (lattice, batch, points, …, distance). At most 1.1: all nearer points lie in the cells
+        around, so that nothing jumps between cells. No gradient flows back.
+
+    Notes
+    -----
+    Peak memory: 4 · (axes + 4) bytes a point and lattice.
+    """
+    axes = numbers.shape[2]
+    with torch.no_grad():
+        points = (numbers * (JITTER / 2) + 0.5).flatten(3)
+        shape = [*cells.index[0].shape[:2], *(index.shape[2] for index in cells.index)]
+        kept = [numbers.new_full(shape, torch.inf) for _ in range(nearest(axes))]
+        free = numbers.new_empty(shape)
+        for flat, site in enumerate(itertools.product(*map(range, cells.sites))):
+            square = torch.zeros_like(free)
+            for axis, (index, fraction) in enumerate(zip(cells.index, cells.fraction, strict=True)):
+                # Whole cells by themselves: windows from other sites on get the same bits.
+                away = (fraction - points[:, :, axis, flat, None]) + (index - site[axis])
+                square += (away**2).reshape(*away.shape[:2], *_only(axis, axes))
+            # Into its place among those kept so far; the farthest falls out.
+            for k in range(len(kept)):
+                torch.minimum(kept[k], square, out=free)
+                torch.maximum(kept[k], square, out=square)
+                kept[k], free = free, kept[k]
+        return torch.stack(kept, dim=-1).sqrt_().clamp_(max=_FARTHEST)
+
+
+def _only(axis: int, axes: int) -> list[int]:
+    """Return the shape of what varies along one axis only."""
+    shape = [1] * axes
+    shape[axis] = -1
+    return shape
