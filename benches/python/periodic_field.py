@@ -63,7 +63,7 @@ def exemplar(kind: str) -> Volume:
 
 def engine(preset: str, kind: str, **parameters: Any) -> PeriodicField:
     """An engine as after `fit`, but for the training."""
-    made = PeriodicField(preset=preset, **parameters)  # type: ignore[arg-type]
+    made = PeriodicField(preset=preset, start_iterations=0, **parameters)  # type: ignore[arg-type]
     made._learn(exemplar(kind))
     made._map = None
     step = made._step(torch.from_numpy(made._scaling.field(made.exemplar_)))

@@ -262,6 +262,7 @@ compile, device, evaluate_every, patience, training_seed
         given = dict(locals())
         del given["self"]
         self.parameters: dict[str, Any] = given
+        self._tell: ProgressCallback = _silent
 
     def fit(
         self,
@@ -303,7 +304,7 @@ compile, device, evaluate_every, patience, training_seed
         The same exemplar, parameters and training seed give the same network on one machine.
         """
         self._map = None if guidance is None else np.asarray(guidance)
-        self._tell: ProgressCallback = progress or (lambda stage, share: None)
+        self._tell = progress or _silent
         volume = _as_exemplar(exemplar)
         return super().fit(volume, folder=folder, resume=resume, progress=progress, origin=origin)
 
@@ -585,7 +586,7 @@ compile, device, evaluate_every, patience, training_seed
     def _tile_memory(self) -> int:
         """Return what the layers of a tile take: input and output of the widest."""
         points = 4096 if self._device.type == "cpu" else 1 << 18
-        return 4 * 3 * max(self.parameters_.width, self.parameters_.latents) * points
+        return 4 * 3 * max(self.parameters_.width, self._latent_field(()).size) * points
 
     def _voxel_size(self, options: Any) -> tuple[float, float, float]:
         z, y, x = (edge / options.resolution for edge in self.exemplar_.voxel_size)
@@ -626,6 +627,10 @@ compile, device, evaluate_every, patience, training_seed
             p.interpolation,
             p.sigma,
         )
+
+
+def _silent(stage: str, share: float) -> None:
+    """Tell nobody."""
 
 
 def _axes(volume: Volume) -> int:
