@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import torch
 from torch import Tensor
 
@@ -47,20 +45,28 @@ def distances(numbers: Tensor, cells: Cells) -> Tensor:
 
     Notes
     -----
-    Peak memory: 4 · (axes + 4) bytes a point and lattice.
+    Peak memory: 4 · (axes + 4) bytes a point and lattice, and 8 a site and line of points.
     """
     axes = numbers.shape[2]
     with torch.no_grad():
         points = (numbers * (JITTER / 2) + 0.5).flatten(3)
-        shape = [*cells.index[0].shape[:2], *(index.shape[2] for index in cells.index)]
+        sites = torch.cartesian_prod(
+            *[torch.arange(count, device=points.device) for count in cells.sites]
+        )
+        squares = []
+        for axis, (index, t) in enumerate(zip(cells.index, cells.fraction, strict=True)):
+            # Whole cells by themselves: windows from other sites on get the same bits.
+            whole = index[:, :, None] - sites[:, axis, None]
+            squares.append(((t[:, :, None] - points[:, :, axis, :, None]) + whole) ** 2)
+        # Along each axis the nearest that a point of any grid comes: most sites are too far away.
+        least = torch.stack([square.amin(-1) for square in squares]).sum(0).amin((0, 1))
+        shape = [*points.shape[:2], *(square.shape[3] for square in squares)]
         kept = [numbers.new_full(shape, torch.inf) for _ in range(nearest(axes))]
         free = numbers.new_empty(shape)
-        for flat, site in enumerate(itertools.product(*map(range, cells.sites))):
+        for site in torch.nonzero(least < _FARTHEST**2)[:, 0].tolist():
             square = torch.zeros_like(free)
-            for axis, (index, fraction) in enumerate(zip(cells.index, cells.fraction, strict=True)):
-                # Whole cells by themselves: windows from other sites on get the same bits.
-                away = (fraction - points[:, :, axis, flat, None]) + (index - site[axis])
-                square += (away**2).reshape(*away.shape[:2], *_only(axis, axes))
+            for axis, along in enumerate(squares):
+                square += along[:, :, site].reshape(*shape[:2], *_only(axis, axes))
             # Into its place among those kept so far; the farthest falls out.
             for k in range(len(kept)):
                 torch.minimum(kept[k], square, out=free)
