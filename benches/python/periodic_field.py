@@ -66,7 +66,7 @@ def engine(preset: str, kind: str, **parameters: Any) -> PeriodicField:
     made = PeriodicField(preset=preset, start_iterations=0, **parameters)  # type: ignore[arg-type]
     made._learn(exemplar(kind))
     made._map = None
-    step = made._step(torch.from_numpy(made._scaling.field(made.exemplar_)))
+    step = made._step(torch.from_numpy(made._scaling.field(made.exemplar_)), None)
     generator = step.networks["generator"].to("cuda" if on_gpu() else "cpu")
     made.generator_ = generator.requires_grad_(False).eval()
     made.training_, made.origin_ = {}, {}
@@ -121,7 +121,7 @@ def training(preset: str, kind: str, loss: str, steps: int) -> dict[str, float]:
         small = {"batch": 1, "critic_steps": 1, "generator_steps": 1}
         share, steps = 1 / (8 * 5), 1
     made = engine(preset, kind, sliced_iterations=LOSSES[loss], **small)
-    step = made._step(torch.from_numpy(made._scaling.field(made.exemplar_)))
+    step = made._step(torch.from_numpy(made._scaling.field(made.exemplar_)), None)
     machine = Machine(made.parameters_)
     step.prepare(machine)
     for iteration in range(steps + 1):

@@ -50,7 +50,7 @@ def test_responses_are_weighted_sums_at_the_nodes(axes: int, channels: int) -> N
     field = blobs(axes, channels)
     loss = loss_of(field)
     windows = Windows(field).draw(list(loss.offsets[1]), 10, torch.Generator().manual_seed(3))
-    found = loss._responses(windows, 1)
+    found = loss.responses(windows, 1)
     weights = loss._weights[1].reshape(32, channels, *[4] * axes)
     for place, filter_ in itertools.product(range(10), range(32)):
         expected = sum(
@@ -67,15 +67,15 @@ def test_the_exemplars_responses_are_sorted_quantiles() -> None:
     windows = Windows(field).draw(list(loss.offsets[2]), 40_000, random)
     many = (windows.flatten(1) @ loss._weights[2].T).numpy()
     expected = np.quantile(many, (np.arange(64) + 0.5) / 64, axis=0)
-    assert (np.diff(loss._tables[2].numpy(), axis=0) >= 0).all()
-    assert np.abs(loss._tables[2].numpy() - expected).mean() < 0.01 * many.std()
+    assert (np.diff(loss.tables[2].numpy(), axis=0) >= 0).all()
+    assert np.abs(loss.tables[2].numpy() - expected).mean() < 0.01 * many.std()
 
 
 def test_the_loss_is_the_distance_of_sorted_responses() -> None:
     loss = loss_of(blobs())
     field = torch.rand(512, 1, 4, 4, generator=torch.Generator().manual_seed(4))
     responses = np.sort((field.flatten(1) @ loss._weights[0].T).numpy(), axis=0)
-    expected = np.abs(responses - loss._tables[0].numpy()).mean()
+    expected = np.abs(responses - loss.tables[0].numpy()).mean()
     assert float(loss(field, 0)) == pytest.approx(expected, rel=1e-5)
 
 

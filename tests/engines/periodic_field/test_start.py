@@ -47,7 +47,7 @@ def chosen(field: np.ndarray, wavelength: float, **options: Any) -> Start:
     windows = Windows(torch.from_numpy(field[None]), options.pop("guide", None))
     # 0.7, 0.85 and one wavelength.
     tried = spacings(period, (0.5,) * axes, (True,) * axes)[3:6]
-    return choose_start(windows, 24, latent, period.length, tried, 3, lambda share: None)
+    return choose_start(windows, 24, latent, period.length, tried, 3)
 
 
 def somewhere(start: Start) -> torch.Tensor:
@@ -118,7 +118,6 @@ def test_colours_follow_the_order_that_most_of_them_have() -> None:
         period.length,
         [(0.5, 0.5)],
         3,
-        lambda share: None,
     )
     found = start(torch.randn(1, 50, 50, latent((0.5, 0.5)).size))[0].flatten(1).T
     for colour in found:

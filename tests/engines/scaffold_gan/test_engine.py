@@ -92,7 +92,7 @@ def test_a_minute_of_training_beats_white_noise_and_an_untrained_network_by_far(
 
     untrained = ScaffoldGAN(preset="tiny", device="cpu")
     untrained._learn(trained.exemplar_)
-    step = untrained._step(torch.from_numpy(untrained._scaling.field(trained.exemplar_)))
+    step = untrained._step(torch.from_numpy(untrained._scaling.field(trained.exemplar_)), None)
     network = step.networks["generator"]
     untrained._calibrate(network)
     untrained._adopt(network.state_dict(), torch.device("cpu"))

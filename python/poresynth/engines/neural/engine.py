@@ -117,7 +117,7 @@ class NeuralEngine(ABC):
         """Return an untrained generator."""
 
     @abstractmethod
-    def _step(self, field: torch.Tensor) -> Step:
+    def _step(self, field: torch.Tensor, progress: ProgressCallback | None) -> Step:
         """Return what is trained; its ``evaluate`` and ``keep`` are those of this class."""
 
     @abstractmethod
@@ -223,7 +223,7 @@ class NeuralEngine(ABC):
         field = self._scaling.field(self.exemplar_)
         self._judge = Judge(self._phases.phase > 0)
         done = train(
-            self._step(torch.from_numpy(field)),
+            self._step(torch.from_numpy(field), progress),
             self.parameters_,
             folder=place,
             resume=resume,

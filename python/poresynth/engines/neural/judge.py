@@ -20,12 +20,13 @@ from poresynth.metrics.correlation import (
     two_point_correlation,
 )
 
-__all__ = ["Evaluation", "Judge"]
+__all__ = ["Evaluation", "Judge", "normalised"]
 
 FAR = 10
 """Voxels beyond which an autocovariance along an axis betrays a lattice."""
 
 Solid = npt.NDArray[np.bool_]
+Curve = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +91,9 @@ class Judge:
             return Evaluation(figures, float("inf"), volume)
         found = two_point_correlation(solid, self._reach)
         two_point = relative_error(found.radial, self._own.radial)
-        covariance = relative_error(normalised(found), normalised(self._own))
+        covariance = relative_error(
+            *(normalised(curves.radial, curves.radial[0]) for curves in (found, self._own))
+        )
         sizes = component_sizes(solid)
         figures |= {
             "two_point_error_percent": two_point,
@@ -102,15 +105,13 @@ class Judge:
         return Evaluation(figures, (two_point + covariance) / 2, volume)
 
 
-def normalised(found: TwoPointCorrelation) -> npt.NDArray[np.float64]:
-    """Return the radial autocovariance over the variance, 1 at distance 0; shape (r_max + 1,)."""
-    fraction = found.radial[0]
-    return np.asarray((found.radial - fraction**2) / (fraction - fraction**2))
+def normalised(curve: Curve, fraction: float) -> Curve:
+    """Return the autocovariance over the variance of a curve of S₂ and its volume fraction."""
+    return np.asarray((curve - fraction**2) / (fraction - fraction**2))
 
 
 def axis_repeat(found: TwoPointCorrelation) -> float:
     """Return the largest autocovariance over the variance along an axis beyond `FAR` voxels."""
-    fraction = found.radial[0]
     curves = np.stack([found.z, found.y, found.x])[:, FAR + 1 :]
-    far = (curves - fraction**2) / (fraction - fraction**2)
+    far = normalised(curves, found.radial[0])
     return float(np.nanmax(far)) if np.isfinite(far).any() else float("nan")

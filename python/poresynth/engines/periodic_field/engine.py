@@ -262,7 +262,6 @@ compile, device, evaluate_every, patience, training_seed
         given = dict(locals())
         del given["self"]
         self.parameters: dict[str, Any] = given
-        self._tell: ProgressCallback = _silent
 
     def fit(
         self,
@@ -304,7 +303,6 @@ compile, device, evaluate_every, patience, training_seed
         The same exemplar, parameters and training seed give the same network on one machine.
         """
         self._map = None if guidance is None else np.asarray(guidance)
-        self._tell = progress or _silent
         volume = _as_exemplar(exemplar)
         return super().fit(volume, folder=folder, resume=resume, progress=progress, origin=origin)
 
@@ -462,7 +460,7 @@ compile, device, evaluate_every, patience, training_seed
             depth=p.depth,
         )
 
-    def _step(self, field: torch.Tensor) -> Step:
+    def _step(self, field: torch.Tensor, progress: ProgressCallback | None) -> Step:
         p = self.parameters_
         array = field.numpy()
         flat = array[:, 0] if _axes(self.exemplar_) == 2 else array
@@ -480,9 +478,10 @@ compile, device, evaluate_every, patience, training_seed
         period = starting_period(flat, p.period, p.crop, p.bandwidth)
         if any(period.clear):
             # What has a period has its structure from the phases, and slopes tell nothing of it.
+            # Into the parameters themselves: a saved model is built from them again.
             free = {name for name in ("points", "jets") if self.parameters[name] is None}
             p = self.parameters_ = p.model_copy(update=dict.fromkeys(free, 0))
-        start = self._start(windows, period)
+        start = self._start(windows, period, progress)
         spacing = self._spacing(period) if start is None else start.spacing
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(mix_seed(p.training_seed, _WEIGHTS) >> 1)
@@ -501,7 +500,9 @@ compile, device, evaluate_every, patience, training_seed
                 self._keep,
             )
 
-    def _start(self, windows: Windows, period: Period) -> Start | None:
+    def _start(
+        self, windows: Windows, period: Period, progress: ProgressCallback | None
+    ) -> Start | None:
         """Choose what the training starts from, if there is room to."""
         p = self.parameters_
         if not (p.points and p.started):
@@ -515,7 +516,7 @@ compile, device, evaluate_every, patience, training_seed
             period.length,
             spacings(period, self._spacing(period), free),
             mix_seed(p.training_seed, _MODELS),
-            lambda share: self._tell("choosing a start", share),
+            None if progress is None else lambda share: progress("choosing a start", share),
         )
 
     def _spacing(self, period: Period) -> tuple[float, ...]:
@@ -527,10 +528,11 @@ compile, device, evaluate_every, patience, training_seed
     def _calibrate(self, generator: nn.Module) -> None:
         """Shift distances until the field's own surface parts the exemplar's shares.
 
-        The losses weigh slopes against shares, and leave the shares off by a few percent.
+        Jets weigh slopes against shares, and leave the shares off by a few percent.
         """
         p = self.parameters_
-        if self.field_ != "distance" or self._scaling.channels > 1 or p.guidance != "none":
+        plain = self.field_ == "distance" and self._scaling.channels == 1
+        if not (plain and p.jets and p.guidance == "none"):
             return
         made = cast(Generator, generator).eval()
         edge = _CALIBRATED[made.axes]
@@ -627,10 +629,6 @@ compile, device, evaluate_every, patience, training_seed
             p.interpolation,
             p.sigma,
         )
-
-
-def _silent(stage: str, share: float) -> None:
-    """Tell nobody."""
 
 
 def _axes(volume: Volume) -> int:

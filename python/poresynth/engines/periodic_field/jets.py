@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from poresynth.engines.periodic_field.distributions import DistributionLoss
 from poresynth.engines.periodic_field.windows import Windows
 
 __all__ = ["NODES", "JetLoss", "invariants"]
@@ -20,7 +21,7 @@ _TABLE_PLACES = 1 << 13
 """Places of the exemplar whose invariants make the quantiles."""
 
 
-class JetLoss:
+class JetLoss(DistributionLoss):
     """Distance between the distributions of value, slope and curvature on a field and the exemplar.
 
     The value, the gradient g and the Hessian H of a field at a point decide how the surfaces around
@@ -49,10 +50,8 @@ class JetLoss:
 
     Attributes
     ----------
-    offsets : list of list of Tensor
-        Places of the points of each grid along each axis, as of `Windows.draw`.
     places : int
-        Grids of a step, fewer than were asked for: a grid holds several points.
+        Fewer than were asked for: a grid holds several points.
 
     Notes
     -----
@@ -75,40 +74,35 @@ class JetLoss:
         self.offsets = [[torch.arange(NODES) * s] * axes for s in widths]
         middle = (torch.arange(self.places * (NODES - 2) ** axes) + 0.5) / self.places
         middle = middle / (NODES - 2) ** axes
-        self._sizes, self._sums, self._tables = [], [], []
-        for offsets in self.offsets:
+        self._sizes: list[tuple[Tensor, Tensor]] = []
+        self._sums: list[Tensor] = []
+        tables = []
+        for grid, offsets in enumerate(self.offsets):
             found = invariants(windows.draw(offsets, _TABLE_PLACES, random))
             centre = torch.zeros_like(found[0])
-            # Of the invariants values alone have a mean that is no size.
-            values = _values(windows.channels, axes)
+            # The first invariant of each channel, the value, has a mean that is no size.
+            values = slice(None, None, found.shape[1] // windows.channels)
             centre[values] = found[:, values].mean(0)
             size = (found - centre).abs().mean(0).clamp(min=1e-9)
             self._sizes.append((centre, size))
-            small = torch.asinh((found - centre) / size)
+            small = self._small(found, grid)
             drawn = torch.randn(sums, small.shape[1], generator=random).to(small)
             drawn = drawn / drawn.square().sum(1, keepdim=True).sqrt()
             own = torch.eye(small.shape[1]).to(small)
             spread = small.std(0).clamp(min=1e-9)
             self._sums.append(torch.cat([own, drawn]) / spread)
             answers = (small @ self._sums[-1].T).sort(0).values
-            self._tables.append(answers[(middle * len(answers)).long().to(answers.device)])
+            tables.append(answers[(middle * len(answers)).long().to(answers.device)])
+        self.tables = tables
 
-    def __call__(self, field: Tensor, grid: int) -> Tensor:
-        """Return the mean distance of the sorted sums, in their standard deviations.
+    def responses(self, field: Tensor, grid: int) -> Tensor:
+        """Return the sums in standard deviations, shape (place, channel, node, …) → (jet, sum)."""
+        return self._small(invariants(field), grid) @ self._sums[grid].T
 
-        Parameters
-        ----------
-        field : Tensor
-            The field on a grid at ``places`` places, shape (place, channel, node, …).
-        grid : int
-            Which grid.
-        """
-        # Quantiles of many values need all the bits that there are.
-        with torch.autocast(field.device.type, enabled=False):
-            centre, size = self._sizes[grid]
-            small = torch.asinh((invariants(field.float()) - centre) / size)
-            found = (small @ self._sums[grid].T).sort(0).values
-            return (found - self._tables[grid]).abs().mean()
+    def _small(self, found: Tensor, grid: int) -> Tensor:
+        """Return invariants over their mean sizes, compressed."""
+        centre, size = self._sizes[grid]
+        return torch.asinh((found - centre) / size)
 
 
 def invariants(field: Tensor) -> Tensor:
@@ -164,9 +158,3 @@ def invariants(field: Tensor) -> Tensor:
 
 def _trace(matrix: Tensor) -> Tensor:
     return matrix.diagonal(dim1=-2, dim2=-1).sum(-1)
-
-
-def _values(channels: int, axes: int) -> list[int]:
-    """Return where the values themselves are among the invariants."""
-    kinds = 7 if axes == 3 else 5
-    return [channel * kinds for channel in range(channels)]

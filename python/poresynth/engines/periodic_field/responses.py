@@ -7,6 +7,7 @@ import math
 import torch
 from torch import Tensor
 
+from poresynth.engines.periodic_field.distributions import DistributionLoss
 from poresynth.engines.periodic_field.windows import Windows
 
 __all__ = ["ResponseLoss"]
@@ -16,7 +17,7 @@ _TABLE_PLACES = 1 << 14
 known to 0.004."""
 
 
-class ResponseLoss:
+class ResponseLoss(DistributionLoss):
     """Distance between the distributions of filter responses on a field and on the exemplar.
 
     A filter is a weighted sum of the field at a few places. The response distributions of all such
@@ -82,34 +83,17 @@ class ResponseLoss:
         self._weights = torch.stack(
             [_filters(filters, channels, count, taps, random) for _ in range(grids)]
         ).to(device)
-        self._tables = torch.stack(
-            [self._quantiles(windows, grid, random) for grid in range(grids)]
-        )
+        self.tables = torch.stack([self._quantiles(windows, grid, random) for grid in range(grids)])
 
-    def __call__(self, field: Tensor, grid: int) -> Tensor:
-        """Return the mean distance of the sorted responses.
-
-        Parameters
-        ----------
-        field : Tensor
-            The field on a grid at ``places`` places, shape (place, channel, node, …).
-        grid : int
-            Which grid.
-        """
-        # Quantiles of many values need all the bits that there are.
-        with torch.autocast(field.device.type, enabled=False):
-            found = self._responses(field.float(), grid)
-            return (found.sort(0).values - self._tables[grid]).abs().mean()
-
-    def _responses(self, field: Tensor, grid: int) -> Tensor:
-        """Shape (place, channel, node, …) → (place, filter)."""
+    def responses(self, field: Tensor, grid: int) -> Tensor:
+        """Return weighted sums, shape (place, channel, node, …) → (place, filter)."""
         return field.flatten(1) @ self._weights[grid].T
 
     def _quantiles(self, windows: Windows, grid: int, random: torch.Generator) -> Tensor:
         """Return sorted responses of the exemplar, shape (place, filter)."""
         drawn = windows.draw(list(self.offsets[grid]), _TABLE_PLACES, random)
         middle = (torch.arange(self.places, device=drawn.device) + 0.5) / self.places
-        return torch.quantile(self._responses(drawn, grid), middle, dim=0)
+        return torch.quantile(self.responses(drawn, grid), middle, dim=0)
 
 
 def _lines(axes: int, nodes: int, reach: int, random: torch.Generator) -> Tensor:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
+from poresynth.engines.neural.judge import normalised
 from poresynth.engines.neural.noise import mix_seed
 from poresynth.engines.neural.tiles import assemble
 from poresynth.engines.periodic_field.jets import JetLoss
@@ -174,7 +175,7 @@ def choose_start(
     period: Sequence[float],
     tried: Sequence[tuple[float, ...]],
     seed: int,
-    tell: Callable[[float], object],
+    progress: Callable[[float], object] | None = None,
 ) -> Start:
     """Choose the model, and the distance of its points, whose field is nearest to the exemplar.
 
@@ -195,7 +196,7 @@ def choose_start(
         Distances of the points along each axis, as phases.
     seed : int
         Of the models' fields.
-    tell : callable
+    progress : callable, optional
         Called with the share that is done.
 
     Returns
@@ -211,7 +212,8 @@ def choose_start(
     axes = windows.field.ndim - 1
     found = []
     for done, spacing in enumerate(tried):
-        tell(done / (len(tried) + _BEST))
+        if progress is not None:
+            progress(done / (len(tried) + _BEST))
         field = latent(spacing)
         kinds = {name: _weights(near, field) for name, near in models(axes).items()}
         sums = _made(list(kinds.values()), field, period, _EDGES[axes][0], seed)
@@ -233,7 +235,8 @@ def choose_start(
     found.sort(key=lambda start: start.error)
     final = []
     for done, start in enumerate(found[:_BEST]):
-        tell((len(tried) + done) / (len(tried) + _BEST))
+        if progress is not None:
+            progress((len(tried) + done) / (len(tried) + _BEST))
         field = latent(start.spacing)
         scores = torch.stack(
             [
@@ -320,11 +323,10 @@ class _Exemplar:
 
     def _in_order(self, field: Tensor) -> Tensor:
         """Return the field from low to high, means of equal shares, shape (_KNOTS, channel)."""
+        if len(field) == 1:
+            return _quantiles(field.flatten())[:, None]
         order = self._leading(field).flatten().argsort()
         at = ((torch.arange(_KNOTS) + 0.5) / _KNOTS * len(order)).long()
-        if len(field) == 1:
-            found: Tensor = field.flatten()[order[at], None]
-            return found
         # Of colours in the same place of the order the mean: one alone is any of them.
         parts = field.flatten(1).T[order].tensor_split(min(_KNOTS, len(order)))
         means = torch.stack([part.mean(0) for part in parts])
@@ -342,9 +344,7 @@ class _Exemplar:
         cut = (self._leading(field) > self._level).numpy()
         found = two_point_correlation(cut[None] if cut.ndim == 2 else cut, self._reach)
         curves = [found.radial, *[found.z, found.y, found.x][3 - cut.ndim :]]
-        share = found.radial[0]
-        variance = share - share**2
-        return np.concatenate([(curve - share**2) / variance for curve in curves])
+        return np.concatenate([normalised(curve, found.radial[0]) for curve in curves])
 
 
 class _Sums(nn.Module):

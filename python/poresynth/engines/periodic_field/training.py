@@ -14,6 +14,7 @@ from poresynth.engines.neural.noise import mix_seed
 from poresynth.engines.neural.training import Training
 from poresynth.engines.periodic_field.adversarial import critic_loss, generator_loss
 from poresynth.engines.periodic_field.critic import Critic
+from poresynth.engines.periodic_field.distributions import DistributionLoss
 from poresynth.engines.periodic_field.generator import Generator
 from poresynth.engines.periodic_field.jets import JetLoss
 from poresynth.engines.periodic_field.latent import LatentField
@@ -28,9 +29,6 @@ __all__ = ["FieldStep"]
 NODES = 4
 """Lines along each axis of the grids of the sliced-Wasserstein loss: 16 points of an image, 64 of a
 volume, whose neighbours are a voxel apart in the narrowest."""
-
-JETS = 1.0
-"""Weight of the distance of jets, which is in their standard deviations."""
 
 # What a seed drawn from that of the training is for.
 _FILTERS, _JETS = 2, 3
@@ -113,8 +111,10 @@ class FieldStep:
                 places=p.places,
                 random=random,
             )
-            random.manual_seed(mix_seed(p.training_seed, _JETS))
-            self._jets = JetLoss(self._windows, reach=p.reach, places=p.places, random=random)
+            self._jets: JetLoss | None = None
+            if p.jets:
+                random.manual_seed(mix_seed(p.training_seed, _JETS))
+                self._jets = JetLoss(self._windows, reach=p.reach, places=p.places, random=random)
 
     def run(self, machine: Machine, iteration: int, random: torch.Generator) -> dict[str, Tensor]:
         """Do one iteration."""
@@ -141,11 +141,12 @@ class FieldStep:
 
     def _run_sliced(self, machine: Machine, random: torch.Generator) -> dict[str, Tensor]:
         def losses() -> dict[str, Tensor]:
-            by_jets = float(torch.rand((), generator=random)) < self.parameters.jets
-            loss: ResponseLoss | JetLoss = self._jets if by_jets else self._responses
+            loss: DistributionLoss = self._responses
+            if self._jets and float(torch.rand((), generator=random)) < self.parameters.jets:
+                loss = self._jets
             grid = int(torch.randint(len(loss.offsets), (), generator=random))
             fake = self._fake(machine, list(loss.offsets[grid]), loss.places, random)
-            return {"sliced": (JETS if by_jets else 1.0) * loss(fake, grid)}
+            return {"sliced": loss(fake, grid)}
 
         return machine.update(self.optimizers["generator"], losses)
 

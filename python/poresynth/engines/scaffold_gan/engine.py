@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
 import torch
 from torch import nn
 
+from poresynth.engines.base import ProgressCallback
 from poresynth.engines.neural.engine import Boundary, NeuralEngine, Shape
 from poresynth.engines.neural.noise import mix_seed
 from poresynth.engines.neural.tiles import Tiles
@@ -239,7 +240,7 @@ class ScaffoldGAN(NeuralEngine):
         p = self.parameters_
         return Generator(p.latent, p.generator_maps, self._scaling.channels)
 
-    def _step(self, field: torch.Tensor) -> Step:
+    def _step(self, field: torch.Tensor, progress: ProgressCallback | None) -> Step:
         threshold = self._scaling.threshold
         return ScaffoldStep(self.parameters_, field, threshold, self._evaluate, self._keep)
 
