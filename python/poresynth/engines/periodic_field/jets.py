@@ -1,4 +1,4 @@
-"""The loss on slopes and curvatures: what makes struts of lumps of the same correlation."""
+"""The loss on jets, a field's value, slope and curvature at a point: it tells struts from lumps."""
 
 from __future__ import annotations
 
