@@ -73,6 +73,7 @@ def synthesize(
     options: dict[str, Any],
     *,
     seed: int,
+    start: npt.NDArray[np.float32] | None = None,
     known: npt.NDArray[np.float32] | None = None,
     known_mask: npt.NDArray[np.bool_] | None = None,
     domain: npt.NDArray[np.bool_] | None = None,

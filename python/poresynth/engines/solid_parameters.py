@@ -25,7 +25,7 @@ class SolidParameters(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     preset: Literal["quality", "prieto", "kopf", "chen_wang"] = "quality"
-    mode: Literal["auto", "responses", "structured"] = "auto"
+    mode: Literal["auto", "responses", "cells", "structured"] = "auto"
     axes: tuple[Axis, ...] | None = Field(None, min_length=1, max_length=3)
     weights: tuple[Weight, ...] | None = None
     symmetric: bool | None = None
@@ -85,6 +85,7 @@ class SolidParameters(BaseModel):
 
 MODES: dict[str, dict[str, Any]] = {
     "responses": {},
+    "cells": {"response_steps": (30, 20, 15)},
     "structured": {
         "response_steps": (40, 15, 10),
         "deep": (False,),
@@ -140,7 +141,7 @@ def resolve_mode(given: dict[str, Any], mode: str | None = None) -> SolidParamet
     ----------
     given : dict
         Parameters by name; None stands for the preset's own value.
-    mode : {"responses", "structured"}, optional
+    mode : {"responses", "cells", "structured"}, optional
         Which mode, where "auto" is asked for; the parameters are then of that mode.
 
     Raises

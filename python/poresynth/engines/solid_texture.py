@@ -24,7 +24,7 @@ from poresynth.engines.image_fields import (
     with_feature,
 )
 from poresynth.engines.images import Images, as_images, targets
-from poresynth.engines.mode_choice import choose_mode, example, options
+from poresynth.engines.mode_choice import choose_mode, example, first_values, options
 from poresynth.engines.porosity import PorosityLike
 from poresynth.engines.request import Request
 from poresynth.engines.roughness import smoothing_like
@@ -193,7 +193,7 @@ class SolidTexture:
         self,
         *,
         preset: Literal["quality", "prieto", "kopf", "chen_wang"] = "quality",
-        mode: Literal["auto", "responses", "structured"] | None = None,
+        mode: Literal["auto", "responses", "cells", "structured"] | None = None,
         axes: tuple[Axis, ...] | None = None,
         weights: tuple[float, ...] | None = None,
         symmetric: bool | None = None,
@@ -298,9 +298,8 @@ class SolidTexture:
         given = self.parameters
         if parameters.filter_edge is None:
             given = {**given, "filter_edge": self._field.filter_edge}
-        self.mode_, self.mode_reason_ = choose_mode(
-            images, self._field, self._fields, given, parameters
-        )
+        choice = choose_mode(images, self._field, self._fields, given, parameters)
+        self.mode_, self.mode_reason_, self._model = choice
         self.parameters_ = resolve_mode(given, self.mode_)
         return self
 
@@ -511,6 +510,7 @@ class SolidTexture:
             made,
             options(p, self._images, self._field),
             seed=request.seed,
+            start=None if self._model is None else first_values(self._model, made, p, request.seed),
             known=None if known is None else np.pad(known, [(0, 0), *beyond]),
             known_mask=None if known_mask is None else np.pad(known_mask, beyond),
             domain=None if domain is None else np.pad(domain, beyond),

@@ -233,7 +233,7 @@ type Synthesized<'py> = (Bound<'py, PyArray4<f32>>, Vec<MatchMap>, Vec<EnergyRow
 
 /// Synthesises a field: exemplars to `(field, a match map each, energy records)`.
 #[pyfunction]
-#[pyo3(signature = (examples, shape, options, *, seed, known=None, known_mask=None, domain=None, threads=0, progress=None))]
+#[pyo3(signature = (examples, shape, options, *, seed, start=None, known=None, known_mask=None, domain=None, threads=0, progress=None))]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn synthesize<'py>(
     py: Python<'py>,
@@ -241,6 +241,7 @@ pub(super) fn synthesize<'py>(
     shape: (usize, usize, usize),
     options: Options,
     seed: u64,
+    start: Option<PyReadonlyArray4<'py, f32>>,
     known: Option<PyReadonlyArray4<'py, f32>>,
     known_mask: Option<PyReadonlyArray3<'py, bool>>,
     domain: Option<PyReadonlyArray3<'py, bool>>,
@@ -255,7 +256,8 @@ pub(super) fn synthesize<'py>(
         (Some(values), Some(on)) => Some((field(values.as_array())?, mask(on))),
         _ => None,
     };
-    let constraints = Constraints { known, domain: domain.map(mask) };
+    let start = start.map(|values| field(values.as_array())).transpose()?;
+    let constraints = Constraints { known, domain: domain.map(mask), start };
     let made = cancellable::run(py, threads, progress.as_ref(), |monitor| {
         optimise(&examples, shape.into(), &parameters, constraints, Key::new(seed), monitor)
     })?;

@@ -116,8 +116,16 @@ fn start(
         }
         (Start::RandomField, _) => {
             let quantiles = pooled_quantiles(&targets(examples, sources));
-            let finest = targets(examples, &levels.exemplars[0]);
-            random_field(&finest, 1 << coarsest, shape, &quantiles, key, monitor)?
+            if let Some(given) = &levels.start {
+                let mut field = given.clone();
+                for (c, quantiles) in quantiles.iter().enumerate() {
+                    quantiles.match_values(field.channel_mut(c), None);
+                }
+                field
+            } else {
+                let finest = targets(examples, &levels.exemplars[0]);
+                random_field(&finest, 1 << coarsest, shape, &quantiles, key, monitor)?
+            }
         }
         _ => random_voxels(sources, shape, key),
     };

@@ -12,6 +12,8 @@ pub(super) struct Levels {
     pub(super) shapes: Vec<Shape>,
     known: Vec<Option<(Field, Vec<bool>)>>,
     pub(super) domains: Vec<Option<Vec<bool>>>,
+    /// First values at the coarsest level.
+    pub(super) start: Option<Field>,
 }
 
 impl Levels {
@@ -31,6 +33,7 @@ impl Levels {
             shapes: vec![shape],
             known: vec![constraints.known],
             domains: vec![constraints.domain],
+            start: constraints.start,
         };
         for level in 1..parameters.levels.len() {
             let from = this.shapes[level - 1];

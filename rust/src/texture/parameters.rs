@@ -141,13 +141,15 @@ pub struct Parameters {
     pub boundary: Boundary,
 }
 
-/// Voxels that are given, and voxels that matter.
+/// Voxels that are given, voxels that matter, and values to start from.
 #[derive(Debug, Clone, Default)]
 pub struct Constraints {
     /// Values and a mask of the voxels that are kept.
     pub known: Option<(Field, Vec<bool>)>,
     /// The free-form domain: windows that miss it are not searched.
     pub domain: Option<Vec<bool>>,
+    /// First values at the coarsest level, of which the ranks count, in place of a random field.
+    pub start: Option<Field>,
 }
 
 /// Energy of Eq. 1 after one iteration, a mean over the voxels of the windows.
@@ -243,6 +245,17 @@ impl Parameters {
                 shape,
                 "must have the shape of the output",
             ));
+        }
+        let coarsest = shape.map(|n| n.div_ceil(1 << (p.levels.len() - 1)));
+        if let Some(start) = &constraints.start
+            && (p.start != Start::RandomField
+                || (start.channels(), start.shape()) != (channels, coarsest))
+        {
+            let allowed = format!(
+                "must be {channels} channels of {coarsest:?}, the coarsest level, where the start \
+                 would be a random field"
+            );
+            return Err(Error::parameter("start", (start.channels(), start.shape()), allowed));
         }
         Ok(())
     }

@@ -19,9 +19,10 @@ from poresynth.engines.periodic_field.latent import LatentField
 from poresynth.engines.periodic_field.period import WAVELENGTHS, Period
 from poresynth.engines.periodic_field.sampling import FieldTiles, Frame
 from poresynth.engines.periodic_field.windows import Windows
+from poresynth.engines.point_models import models
 from poresynth.metrics.correlation import relative_error, two_point_correlation
 
-__all__ = ["Start", "choose_start", "models", "spacings"]
+__all__ = ["Start", "choose_start", "spacings"]
 
 SHARES = (0.35, 0.5, 0.6, 0.7, 0.85, 1.0, 1.2, 1.4)
 """Distances of the points that are tried, in wavelengths of the exemplar."""
@@ -49,30 +50,6 @@ _DRAWN, _FACTORS = 1 << 16, 8
 
 _KNOTS = 1024
 """Equal shares of the values whose ranks are known."""
-
-
-def models(axes: int) -> dict[str, list[float]]:
-    """Return weights of the distances to the nearest points, by what is where their sum is high.
-
-    Without weights it is the sum of the latent numbers, a Gaussian field nearly.
-    """
-
-    def nearest_less(first: int, last: int) -> list[float]:
-        """Return the weights of the nearest less the mean of these others."""
-        count = last - first + 1
-        return [1.0, *[-(first <= k <= last) / count for k in range(2, axes + 2)]]
-
-    found = {
-        "balls around points": [-1.0, *[0.0] * axes],
-        "corners of cells": nearest_less(axes + 1, axes + 1),
-        "edges of cells": nearest_less(axes, axes),
-        "edges and corners of cells": nearest_less(2, axes + 1),
-    }
-    if axes == 3:
-        found["faces of cells"] = nearest_less(2, 2)
-        found["edges and faces of cells"] = nearest_less(2, 3)
-        found["broad edges of cells"] = [0.5, 0.5, -1.0, 0.0]
-    return found | {"noise": []}
 
 
 def spacings(
@@ -215,7 +192,9 @@ def choose_start(
         if progress is not None:
             progress(done / (len(tried) + _BEST))
         field = latent(spacing)
-        kinds = {name: _weights(near, field) for name, near in models(axes).items()}
+        # Without distances it is the sum of the latent numbers, a Gaussian field nearly.
+        known = models(axes) | {"noise": []}
+        kinds = {name: _weights(near, field) for name, near in known.items()}
         sums = _made(list(kinds.values()), field, period, _EDGES[axes][0], seed)
         for (name, weights), scores in zip(kinds.items(), sums, strict=True):
             for sign in (1.0,) if name == "noise" else (1.0, -1.0):

@@ -172,7 +172,7 @@ fn known_voxels_are_kept_and_their_surroundings_adapt() {
         let [z, y, x] = position(SHAPE, i);
         *v = source.channel(0)[crate::volume::index(source.shape(), [z.min(17), y, x.min(15)])];
     }
-    let constraints = Constraints { known: Some((values.clone(), known.clone())), domain: None };
+    let constraints = Constraints { known: Some((values.clone(), known.clone())), ..Constraints::default() };
     let made = run(&Parameters { levels: plans(2, 6), ..parameters() }, constraints);
     for (i, on) in known.iter().enumerate() {
         assert!(!on || made.field.channel(0)[i] == values.channel(0)[i]);
@@ -190,7 +190,7 @@ fn known_voxels_are_kept_and_their_surroundings_adapt() {
 #[test]
 fn windows_that_miss_the_domain_are_not_searched() {
     let domain: Vec<bool> = (0..voxels(SHAPE)).map(|i| position(SHAPE, i)[2] < 4).collect();
-    let made = run(&parameters(), Constraints { known: None, domain: Some(domain) });
+    let made = run(&parameters(), Constraints { domain: Some(domain), ..Constraints::default() });
     let lattice = &made.maps[0].lattice;
     for (origin, m) in
         crate::texture::match_map::product(&lattice.origins).zip(&made.maps[0].matches)
@@ -239,7 +239,8 @@ fn what_does_not_fit_is_refused() {
     refuse(parameters(), [11, 13, 19], none());
     refuse(parameters(), [0, 13, 19], none());
     refuse(parameters(), [1 << 20, 13, 19], none());
-    refuse(parameters(), SHAPE, Constraints { known: None, domain: Some(vec![true; 3]) });
+    let short = Constraints { domain: Some(vec![true; 3]), ..Constraints::default() };
+    refuse(parameters(), SHAPE, short);
     refuse(Parameters { starts: 0, ..parameters() }, SHAPE, none());
 }
 

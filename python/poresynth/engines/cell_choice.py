@@ -1,0 +1,106 @@
+"""Which model of random points the sections of images are nearest to."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import KDTree
+
+from poresynth import _core
+from poresynth.engines.images import Images
+from poresynth.engines.point_models import PointModel, models, nearest, points
+from poresynth.metrics.correlation import relative_error, two_point_correlation
+from poresynth.metrics.slice_statistics import (
+    SliceStatistics,
+    mean_error,
+    mean_statistics,
+    slice_statistics,
+    window_statistics,
+)
+
+__all__ = ["near_models"]
+
+SHARES = np.geomspace(0.4, 1.05, 8)
+"""Spacings of the points that are tried, in mean distances from one strut to the next on a line."""
+
+RELAXED = (1, 4)
+"""How often they are relaxed: the more, the more are cells alike."""
+
+_EDGE = 128
+"""Edge of the sections at most, pixels."""
+
+_PLANES = 2
+"""Sections across each axis."""
+
+_MEASURED = 16
+"""Models whose sections are measured as a whole, after all were compared by their correlation."""
+
+
+def near_models(images: Images, count: int) -> list[tuple[PointModel, float]]:
+    """Return the models whose sections are nearest to the images, the nearest first.
+
+    Parameters
+    ----------
+    images : Images
+        Of two phases.
+    count : int
+        How many to return.
+
+    Returns
+    -------
+    list of (PointModel, float)
+        Each with how far its sections are from the images, percent: the mean of the error of the
+        autocovariance and of the mean error of `slice_statistics`.
+
+    Notes
+    -----
+    The smaller phase is taken for the struts, or for the pores between grains. A model's sum is cut
+    where as much of it is solid as of the images. Peak memory: some 100 bytes for each of at most
+    100,000 pixels.
+    """
+    solids = list(images.solids().values())
+    edge = min(_EDGE, *[n for solid in solids for n in solid.shape[1:]])
+    own = mean_statistics([w for solid in solids for w in window_statistics(solid, window=edge)])
+    wanted = _autocovariance(own.two_point)
+    share = 1 - images.phases.porosity
+    sign = 1 if share <= 0.5 else -1
+    # From a surface to the next but one on a line.
+    changes = [(s[:, 1:] != s[:, :-1]).mean() + (s[..., 1:] != s[..., :-1]).mean() for s in solids]
+    period = 4 / float(np.mean(changes))
+    box, at = np.full(3, float(edge)), _planes(edge)
+    found = []
+    for spacing in SHARES * period:
+        for relaxed in RELAXED:
+            distances = nearest(KDTree(points(box, spacing, relaxed, 0), boxsize=box), at)
+            for name in models(3):
+                model = PointModel(name, sign, float(spacing), relaxed)
+                solid = _cut(model.total(distances), share)
+                curves = [two_point_correlation(s[None], len(wanted) - 1).radial for s in solid]
+                off = relative_error(_autocovariance(np.mean(curves, axis=0)), wanted)
+                found.append((off, model, solid))
+    found.sort(key=lambda entry: entry[0])
+    measured = [(model, (off + _error(own, solid)) / 2) for off, model, solid in found[:_MEASURED]]
+    return sorted(measured, key=lambda entry: entry[1])[:count]
+
+
+def _planes(edge: int) -> npt.NDArray[np.float64]:
+    """Return the pixels of planes across each axis of a cube, shape (plane, edge, edge, 3)."""
+    middles = np.arange(edge) + 0.5
+    places = (np.arange(_PLANES) + 0.5) * edge / _PLANES
+    flat = np.stack(np.meshgrid(places, middles, middles, indexing="ij"), axis=-1)
+    return np.concatenate([np.roll(flat, axis, axis=-1) for axis in range(3)])
+
+
+def _cut(values: npt.NDArray[np.float64], share: float) -> npt.NDArray[np.bool_]:
+    flat = np.ascontiguousarray(values, np.float32).ravel()
+    return _core.cut_solid(flat, round(share * flat.size), seed=0).reshape(values.shape)
+
+
+def _autocovariance(two_point: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return S2 less what pairs far apart have, over the variance."""
+    share = float(two_point[0])
+    return np.asarray((two_point - share**2) / (share - share**2), dtype=np.float64)
+
+
+def _error(own: SliceStatistics, solid: npt.NDArray[np.bool_]) -> float:
+    return mean_error(own.errors(slice_statistics(solid, window=own.window[0])).values())
