@@ -15,6 +15,8 @@ from poresynth.engines.image_fields import agreed
 from poresynth.engines.roughness import interface_density, smoothing_like
 from poresynth.engines.solid_texture import SolidTexture
 from poresynth.errors import FileError, ParameterError
+from poresynth.exemplars import foam
+from poresynth.metrics.skeleton import end_points
 from poresynth.volume import Volume
 
 SHAPE = (32, 32, 32)
@@ -201,6 +203,73 @@ def test_without_a_named_mode_the_better_slices_decide(
     else:
         assert engine.mode_ == "responses", "a trial with neighbourhoods could not be better"
         assert "structured" not in engine.mode_reason_
+
+
+def struts() -> np.ndarray:
+    """A section of a foam."""
+    return np.asarray(foam((96, 96, 96), seed=3).array[40] > 125)
+
+
+def test_a_network_starts_from_cells_and_has_fewer_dead_ends(tmp_path: Path) -> None:
+    engine = SolidTexture(connected="solid").fit(struts())
+    assert engine.mode_ == "cells"
+    assert "edges" in engine.mode_reason_
+    made = engine.sample((64, 64, 64), seed=1)
+    origin = made.metadata["poresynth"]
+    assert origin["start"]["name"] in engine.mode_reason_
+    assert origin["start"]["sign"] == 1
+    without = SolidTexture(connected="solid", mode="responses").fit(struts())
+    assert "start" not in without.sample((64, 64, 64), seed=1).metadata["poresynth"]
+    dead = [
+        end_points(np.pad(one.sample((64, 64, 64), seed=1).array, 8, mode="wrap")).count
+        for one in (engine, without)
+    ]
+    assert 1.5 * dead[0] < dead[1]
+    again = engine.sample((64, 64, 64), seed=1, threads=1)
+    np.testing.assert_array_equal(again.array, made.array)
+    engine.save(tmp_path / "engine.npz")
+    loaded = SolidTexture.load(tmp_path / "engine.npz")
+    assert loaded.mode_ == "cells"
+    np.testing.assert_array_equal(loaded.sample((64, 64, 64), seed=1).array, made.array)
+
+
+def test_where_the_larger_phase_is_connected_or_none_is_cells_are_not_tried() -> None:
+    options: dict[str, Any] = {"response_steps": (4, 2), "filters": 4, "levels": 2}
+    for connected in ("none", "pore"):
+        engine = SolidTexture(connected=connected, **options).fit(struts())
+        assert engine.mode_ != "cells"
+    striped = np.zeros((48, 48), bool)
+    striped[::8] = striped[1::8] = True
+    engine = SolidTexture(connected="solid", **options).fit(striped)
+    assert engine.mode_ != "cells", "no model is near"
+
+
+def test_pores_between_grains_may_be_the_network() -> None:
+    engine = SolidTexture(**{**FAST, "mode": "cells"}).fit(~struts())
+    start = engine.sample(SHAPE).metadata["poresynth"]["start"]
+    assert start["sign"] == -1
+
+
+@pytest.mark.parametrize(
+    ("image", "options"),
+    [
+        (colours(), {}),
+        (blobs().astype(np.uint8) + blobs(1), {"kind": "label"}),
+        (grays(), {"feature": "distance"}),
+        (grays(), {"filters": 0, "response_steps": (0,)}),
+    ],
+)
+def test_cells_are_refused_where_there_is_more_than_one_channel(
+    image: np.ndarray, options: dict[str, Any]
+) -> None:
+    with pytest.raises(ParameterError, match="mode"):
+        SolidTexture(**{**FAST, "mode": "cells", **options}).fit(image)
+
+
+def test_trials_hold_the_windows_of_many_levels() -> None:
+    image = blobs(shape=(132, 130))
+    engine = SolidTexture(levels=5, response_steps=(2,), filters=4).fit(image)
+    assert engine.mode_ in ("responses", "structured")
 
 
 def test_colours_are_kept_together() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -54,8 +55,9 @@ class SolidTexture:
     One image stands for the planes across all three axes, or two or three images for those across
     one axis each. The volume starts as a Gaussian random field with the images' covariance; then
     the responses of its sections to random filters are given the distributions that they have on
-    the images, by least squares, coarse to fine. In materials with a structure that this misses,
-    neighbourhoods of the sections are matched to neighbourhoods of the images and averaged as well:
+    the images, by least squares, coarse to fine. Networks that are one piece start from the edges
+    of Voronoi cells instead. In materials with a structure that this misses, neighbourhoods of the
+    sections are matched to neighbourhoods of the images and averaged as well:
     that is the method of Prieto et al., *3D texture synthesis for modeling realistic organic
     tissues* (2011), Kopf et al. (2007) and Chen and Wang (2010), whose parameters are presets.
 
@@ -67,10 +69,16 @@ class SolidTexture:
         ``"kopf"``: 8 × 8, the mean of the main cluster, histograms by weights. ``"chen_wang"``:
         8 × 8, coherent search, nearly one window a voxel, position and index histograms. Both match
         histograms after every iteration, too: without, rocks of low porosity become one phase.
-    mode : {"auto", "responses", "structured"}, default "auto"
-        What the quality preset does: filter responses alone, or neighbourhoods as well. ``"auto"``
-        takes neighbourhoods, which thicken features, for colours, and where at half the resolution
-        sections score three times better with them; a score of less than 30 % without stands.
+    mode : {"auto", "responses", "cells", "structured"}, default "auto"
+        What the quality preset does: filter responses from a Gaussian random field or from Voronoi
+        cells, or neighbourhoods as well. ``"auto"`` takes cells where the solid is ``connected``
+        and the smaller phase, and the sections of one of their models, struts or plates between
+        random points, are within 20 % of the images: of the five nearest the one that leaves the
+        fewest dead ends. From three slices the structure error of an open-cell foam was 4 instead
+        of 23 %, of trabecular bone 4 instead of 10 %, from one slice 7 instead of 22 and 11 instead
+        of 9 %. It takes neighbourhoods, which thicken features, for colours, and where at half the
+        resolution sections score three times better with them; a score of less than 30 % without
+        stands.
     axes : tuple of {"z", "y", "x"}, optional
         Of one image the axes across which it stands for the planes; all unless given. Of several
         images one axis each, z, y, x unless given. Planes across an axis that is left out are free.
@@ -120,8 +128,9 @@ class SolidTexture:
         of 33 %. At the coarsest level they repeat the image: novelty of bone 0.35, not 0.59. What
         several images answer counts as one where no axis has 1.7 times the interfaces of another:
         with three slices of bone the structure error was 21 %, and is 9 %.
-    response_steps : tuple of int, default (300, 60, 15), (40, 15, 10) in mode "structured"
-        Steps of response matching at each level, coarse to fine; the last number goes on. Long
+    response_steps : tuple of int, default (300, 60, 15)
+        Steps of response matching at each level, coarse to fine; the last number goes on. In mode
+        "cells" (30, 20, 15), for more undo the start, in mode "structured" (40, 15, 10). Long
         struts come of those at the coarsest level, where they cost little: with 200 and 40 the
         structure error of bone and of Ketton limestone is 2 % more, with 500 and 100 it is 1 and
         2 % less, both within the noise of 8 %.
@@ -258,11 +267,13 @@ class SolidTexture:
         ------
         ParameterError
             If a parameter is out of range, or an image is empty, constant, not finite, too small
-            for the windows, of one phase only, or unlike the others.
+            for the windows, of one phase only, or unlike the others, or mode "cells" is asked for
+            more than one channel.
 
         Notes
         -----
-        With ``mode="auto"`` a volume of 32³ voxels of half the resolution is made, or two.
+        With ``mode="auto"`` a volume of 32³ voxels of half the resolution is made, or two; five of
+        64³ voxels to choose among cells.
         """
         parameters = resolve_mode(self.parameters)
         images = Images.of(as_images(exemplar), parameters)
@@ -578,6 +589,7 @@ class SolidTexture:
         images, phases = self._images, self._images.phases
         learned = [phases.provenance(image) for image in images.images]
         axes = [axis for axis, _ in images.axes]
+        start = {} if self._model is None else {"start": asdict(self._model)}
         return {
             "version": _core.__version__,
             "engine": "solid",
@@ -586,6 +598,7 @@ class SolidTexture:
             "field_reason": self.field_reason_,
             "mode": self.mode_,
             "mode_reason": self.mode_reason_,
+            **start,
             "smoothing": sigma,
             "repair": repair,
             **request.provenance(),

@@ -148,7 +148,7 @@ pub struct Constraints {
     pub known: Option<(Field, Vec<bool>)>,
     /// The free-form domain: windows that miss it are not searched.
     pub domain: Option<Vec<bool>>,
-    /// First values at the coarsest level, of which the ranks count, in place of a random field.
+    /// First values at the coarsest level, of which the order counts, in place of a random field.
     pub start: Option<Field>,
 }
 

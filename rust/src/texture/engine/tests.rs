@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::*;
 use crate::error::Error;
 use crate::texture::parameters::{Backend, Emphasis};
+use crate::texture::responses::FilterBank;
 use crate::texture::symmetry::Symmetry;
 use crate::threads::with_threads;
 use crate::volume::{Boundary, position, voxels};
@@ -172,7 +173,8 @@ fn known_voxels_are_kept_and_their_surroundings_adapt() {
         let [z, y, x] = position(SHAPE, i);
         *v = source.channel(0)[crate::volume::index(source.shape(), [z.min(17), y, x.min(15)])];
     }
-    let constraints = Constraints { known: Some((values.clone(), known.clone())), ..Constraints::default() };
+    let constraints =
+        Constraints { known: Some((values.clone(), known.clone())), ..Constraints::default() };
     let made = run(&Parameters { levels: plans(2, 6), ..parameters() }, constraints);
     for (i, on) in known.iter().enumerate() {
         assert!(!on || made.field.channel(0)[i] == values.channel(0)[i]);
@@ -242,6 +244,40 @@ fn what_does_not_fit_is_refused() {
     let short = Constraints { domain: Some(vec![true; 3]), ..Constraints::default() };
     refuse(parameters(), SHAPE, short);
     refuse(Parameters { starts: 0, ..parameters() }, SHAPE, none());
+    // These start from blocks, whatever the shape.
+    let given = Constraints { start: Some(Field::zeros(SHAPE, 1)), ..Constraints::default() };
+    refuse(parameters(), SHAPE, given);
+}
+
+#[test]
+fn of_a_given_start_the_order_counts() {
+    let image = Field::new([1, 16, 16], 1, exemplar(1).channel(0)[..256].to_vec()).unwrap();
+    let examples: Vec<Example> =
+        (0..3).map(|axis| Example::image(image.clone(), axis, false, 1.0)).collect();
+    let p = Parameters {
+        levels: vec![LevelPlan {
+            filters: Some(FilterBank::default()),
+            ..plan(0, Backend::Coherent)
+        }],
+        start: Start::RandomField,
+        boundary: Boundary::Periodic,
+        ..parameters()
+    };
+    let shape = [8, 8, 8];
+    let made = |values: Vec<f32>, shape: Shape| {
+        let start = Some(Field::new(shape, 1, values)?);
+        let given = Constraints { start, ..Constraints::default() };
+        synthesize(&examples, [8, 8, 8], &p, given, Key::new(0), &Monitor::silent())
+    };
+    let rising: Vec<f32> = (0..512u16).map(f32::from).collect();
+    let field = made(rising.clone(), shape).unwrap().field;
+    assert!(field.channel(0).is_sorted());
+    let mut wanted = image.channel(0).to_vec();
+    wanted.sort_by(f32::total_cmp);
+    assert!((field.channel(0)[0], field.channel(0)[511]) == (wanted[0], wanted[255]));
+    let scaled = rising.iter().map(|v| 4.0 * v).collect();
+    assert!(made(scaled, shape).unwrap().field == field);
+    assert!(made(vec![0.0; 256], [8, 8, 4]).is_err());
 }
 
 #[test]
