@@ -47,8 +47,8 @@ CELLS_EDGE = 64
 """Edge of the volumes in which dead ends are counted, voxels."""
 
 CELLS_STEPS = (20, 8, 0)
-"""Their steps of response matching, coarse to fine: on six of eight slices of foams they chose as 80³
-voxels and all steps did, on the two others struts as well, in a fifth of the time."""
+"""Their steps of response matching, coarse to fine. On six of eight slices of foams they chose as
+80³ voxels and all steps did, on the two others struts as well, in a fifth of the time."""
 
 CELLS_TRIED = 5
 """Models that are tried: sections do not tell well which is nearest as a volume. Of those that are
