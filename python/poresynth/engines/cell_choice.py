@@ -55,7 +55,7 @@ def near_models(images: Images, count: int) -> list[tuple[PointModel, float]]:
     Notes
     -----
     The smaller phase is taken for the struts, or for the pores between grains. A model's sum is cut
-    where as much of it is solid as of the images. Peak memory: some 100 bytes for each of at most
+    where as much of it is solid as of the images. Peak memory: some 200 bytes for each of at most
     100,000 pixels.
     """
     solids = list(images.solids().values())

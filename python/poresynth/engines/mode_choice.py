@@ -212,12 +212,12 @@ class _Trials:
 
 
 def first_values(
-    model: PointModel, shape: tuple[int, int, int], p: SolidParameters, seed: int
+    model: PointModel, shape: tuple[int, int, int], p: SolidParameters, seed: int, threads: int = 0
 ) -> npt.NDArray[np.float32]:
     """Return what a volume of a shape starts from at the coarsest level, shape (1, z, y, x)."""
     scale = 1 << (p.levels - 1)
     z, y, x = (-(-n // scale) for n in shape)
-    return model.field((z, y, x), scale, seed)
+    return model.field((z, y, x), scale, seed, threads)
 
 
 def example(

@@ -64,7 +64,9 @@ class PointModel:
         points = often.get(self.relaxed, f"points relaxed {self.relaxed} times")
         return f"{but}{self.name}, {self.spacing:.0f} pixels apart, of {points}"
 
-    def field(self, shape: tuple[int, int, int], scale: int, seed: int) -> npt.NDArray[np.float32]:
+    def field(
+        self, shape: tuple[int, int, int], scale: int, seed: int, threads: int = 0
+    ) -> npt.NDArray[np.float32]:
         """Return the sum at the middles of the voxels of a box that repeats, shape (1, z, y, x).
 
         Parameters
@@ -75,15 +77,17 @@ class PointModel:
             Edge of a voxel, pixels.
         seed : int
             Same seed, same points.
+        threads : int, default 0
+            0 takes all cores.
         """
         box = scale * np.array(shape, dtype=float)
-        tree = KDTree(points(box, self.spacing, self.relaxed, seed), boxsize=box)
+        tree = KDTree(points(box, self.spacing, self.relaxed, seed, threads), boxsize=box)
         middles = [(np.arange(n) + 0.5) * scale for n in shape]
         out = np.empty((1, *shape), np.float32)
         # Plane by plane: distances take 16 times as much memory as what becomes of them.
         for z, plane in zip(middles[0], out[0], strict=True):
             at = np.stack(np.meshgrid(z, *middles[1:], indexing="ij"), axis=-1)[0]
-            plane[:] = self.total(nearest(tree, at))
+            plane[:] = self.total(nearest(tree, at, threads))
         return out
 
     def total(self, distances: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -92,14 +96,14 @@ class PointModel:
         return np.asarray(distances @ weights, dtype=np.float64)
 
 
-def nearest(tree: KDTree, at: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def nearest(tree: KDTree, at: npt.NDArray[np.float64], threads: int = 0) -> npt.NDArray[np.float64]:
     """Return the distances from places (…, axis) to the four nearest points, ascending."""
-    found, _ = tree.query(at, 4, workers=-1)
+    found, _ = tree.query(at, 4, workers=threads or -1)
     return np.asarray(found)
 
 
 def points(
-    box: npt.NDArray[np.float64], spacing: float, relaxed: int, seed: int
+    box: npt.NDArray[np.float64], spacing: float, relaxed: int, seed: int, threads: int = 0
 ) -> npt.NDArray[np.float64]:
     """Return random points of a box that repeats, moved to the middles of their cells."""
     random = np.random.default_rng(seed)
@@ -108,7 +112,7 @@ def points(
     placed = random.random((count, 3)) * box
     for _ in range(relaxed):
         samples = random.random((_SAMPLES * count, 3)) * box
-        _, own = KDTree(placed, boxsize=box).query(samples, workers=-1)
+        _, own = KDTree(placed, boxsize=box).query(samples, workers=threads or -1)
         away = (samples - placed[own] + box / 2) % box - box / 2
         sums = np.stack([np.bincount(own, away[:, axis], count) for axis in range(3)], axis=1)
         placed = (placed + sums / np.maximum(np.bincount(own, minlength=count), 1)[:, None]) % box

@@ -516,12 +516,15 @@ class SolidTexture:
         beyond = [(0, m - n) for m, n in zip(made, shape, strict=True)]
         domain, known_mask = request.domain, request.known_mask
         known = self._known_field(request)
+        start = None
+        if self._model is not None:
+            start = first_values(self._model, made, p, request.seed, request.threads)
         field, _, energy = _core.synthesize(
             [example(*target) for target in targets(self._images, p, self._fields)],
             made,
             options(p, self._images, self._field),
             seed=request.seed,
-            start=None if self._model is None else first_values(self._model, made, p, request.seed),
+            start=start,
             known=None if known is None else np.pad(known, [(0, 0), *beyond]),
             known_mask=None if known_mask is None else np.pad(known_mask, beyond),
             domain=None if domain is None else np.pad(domain, beyond),
