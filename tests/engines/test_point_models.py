@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from poresynth.engines.cell_choice import near_models
 from poresynth.engines.images import Images, as_images
+from poresynth.engines.model_choice import near_models
 from poresynth.engines.point_models import PointModel, models, nearest, points
 from poresynth.engines.solid_parameters import SolidParameters
 

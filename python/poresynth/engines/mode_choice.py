@@ -9,12 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from poresynth import _core
-from poresynth.engines.cell_choice import near_models
 from poresynth.engines.image_fields import ImageField
 from poresynth.engines.images import Images, targets
+from poresynth.engines.model_choice import near_models
 from poresynth.engines.point_models import PointModel
 from poresynth.engines.roughness import smoothing_like
 from poresynth.engines.solid_parameters import Axis, SolidParameters, resolve_mode
+from poresynth.engines.values import cut_share
 from poresynth.errors import ParameterError
 from poresynth.metrics.skeleton import MARGIN as TIPS_MARGIN
 from poresynth.metrics.skeleton import end_points
@@ -101,13 +102,14 @@ def choose_mode(
         If cells are asked for where there is more than one channel to start from.
     """
     trials = _Trials(images, field, given)
-    one_field = len(fields[0]) == 1 and parameters.filters > 0
+    several = len(images.phases.labels) > 2
+    startable = len(fields[0]) == 1 and parameters.filters > 0 and not several
     if parameters.mode != "auto":
         reason = "as asked" if given.get("mode") else f"of the preset {parameters.preset}"
         found = Choice(parameters.mode, f"{parameters.mode}, {reason}")
         if parameters.mode != "cells":
             return found
-        if not one_field or len(images.phases.labels) > 2:
+        if not startable:
             allowed = (
                 "must be another mode for colours, several phases, a feature channel, or no filters"
             )
@@ -116,10 +118,10 @@ def choose_mode(
         return found._replace(model=model, reason=f"{found.reason}: {model.words()}")
     if images.images[0].channels > 1:
         return Choice("structured", "structured, which keeps colours together")
-    if parameters.levels == 1 or len(images.phases.labels) > 2:
+    if parameters.levels == 1 or several:
         what = "one level" if parameters.levels == 1 else "several phases"
         return Choice("responses", f"responses, for there is no trial of {what}")
-    if one_field and _is_network(images, parameters):
+    if startable and _is_network(images, parameters):
         near = near_models(images, CELLS_TRIED)
         if near[0][1] <= NEAR:
             model = trials.fewest_dead_ends(near, fields)
@@ -168,13 +170,13 @@ class _Trials:
     def fewest_dead_ends(
         self, near: list[tuple[PointModel, float]], fields: list[npt.NDArray[np.float32]]
     ) -> PointModel:
-        """Return the model that leaves the smaller phase the fewest dead ends."""
+        """Return the model that leaves its struts the fewest dead ends."""
         p, wanted = resolve_mode(self.given, "cells"), self._cuts(fields)
         p = p.model_copy(update={"response_steps": CELLS_STEPS})
 
         def dead_ends(model: PointModel) -> int:
             solid = self._solid(p, fields, wanted, CELLS_EDGE, model)
-            network = solid if self.images.phases.porosity >= 0.5 else ~solid
+            network = solid if model.sign > 0 else ~solid
             # It tiles space, so that no strut ends at a face.
             return end_points(np.pad(network, TIPS_MARGIN, mode="wrap")).count
 
@@ -202,12 +204,12 @@ class _Trials:
         sigma = smoothing_like(wanted, porosity, trial[0], 0)
         if sigma > 0:
             trial = _core.gaussian(trial, sigma, boundary="periodic")
-        return _cut(trial[0], 1 - porosity)
+        return cut_share(trial[0], 1 - porosity)
 
     def _cuts(self, fields: list[npt.NDArray[np.float32]]) -> dict[Axis, npt.NDArray[np.bool_]]:
         """Return the solid of the fields of the images, by the axis that each is across."""
         share = 1 - self.images.phases.porosity
-        solids = [_cut(self.field.scores(own)[0], share) for own in fields]
+        solids = [cut_share(self.field.scores(own)[0], share) for own in fields]
         return {axis: solids[i] for axis, i in self.images.axes}
 
 
@@ -287,8 +289,3 @@ def _halved(field: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     whole = field[:, :, : ny // 2 * 2, : nx // 2 * 2]
     blocks = whole.reshape(channels, 1, ny // 2, 2, nx // 2, 2)
     return np.ascontiguousarray(blocks.mean(axis=(3, 5), dtype=np.float32))
-
-
-def _cut(scores: npt.NDArray[np.float32], share: float) -> npt.NDArray[np.bool_]:
-    count = round(share * scores.size)
-    return _core.cut_solid(scores.ravel(), count, seed=0).reshape(scores.shape)

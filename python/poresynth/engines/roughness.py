@@ -10,6 +10,7 @@ import numpy.typing as npt
 from poresynth import _core
 from poresynth.engines.images import AXES
 from poresynth.engines.solid_parameters import Axis
+from poresynth.engines.values import cut_share
 
 __all__ = ["interface_density", "smoothing_like"]
 
@@ -68,13 +69,12 @@ def smoothing_like(
     wanted = np.mean([interface_density(solid, 0) for solid in solids.values()])
     middle = tuple(slice((n - min(n, BLOCK)) // 2, (n + min(n, BLOCK)) // 2) for n in scores.shape)
     block = np.ascontiguousarray(scores[middle])
-    count = round((1 - porosity) * block.size)
 
     def density(sigma: float) -> float:
         smooth = block
         if sigma > 0:
             smooth = _core.gaussian(block[None], sigma, boundary="open")[0]
-        solid = _core.cut_solid(smooth.ravel(), count, seed=seed).reshape(block.shape)
+        solid = cut_share(smooth, 1 - porosity, seed)
         return float(np.mean([interface_density(solid, AXES.index(axis)) for axis in solids]))
 
     low, high = 0.0, MOST

@@ -57,9 +57,9 @@ class SolidTexture:
     the responses of its sections to random filters are given the distributions that they have on
     the images, by least squares, coarse to fine. Networks that are one piece start from the edges
     of Voronoi cells instead. In materials with a structure that this misses, neighbourhoods of the
-    sections are matched to neighbourhoods of the images and averaged as well:
-    that is the method of Prieto et al., *3D texture synthesis for modeling realistic organic
-    tissues* (2011), Kopf et al. (2007) and Chen and Wang (2010), whose parameters are presets.
+    sections are matched to neighbourhoods of the images and averaged as well: that is the method of
+    Prieto et al., *3D texture synthesis for modeling realistic organic tissues* (2011), Kopf et al.
+    (2007) and Chen and Wang (2010), whose parameters are presets.
 
     Parameters
     ----------

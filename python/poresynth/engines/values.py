@@ -12,7 +12,7 @@ from poresynth.engines.phases import Phases
 from poresynth.engines.request import Request
 from poresynth.metrics.histograms import match_histogram
 
-__all__ = ["channels_first", "cut", "outside_value", "phase_values"]
+__all__ = ["channels_first", "cut", "cut_share", "outside_value", "phase_values"]
 
 
 def channels_first(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -42,6 +42,14 @@ def cut(phases: Phases, scores: npt.NDArray[np.float32], request: Request) -> np
         return found.reshape(scores.shape[1:])
     solid = _core.cut_solid(scores[0].ravel(), wanted[1], seed=request.seed, free=flat)
     return solid.reshape(scores.shape[1:]).view(np.uint8)
+
+
+def cut_share(
+    scores: npt.NDArray[np.floating], share: float, seed: int = 0
+) -> npt.NDArray[np.bool_]:
+    """Return where scores are high, of any shape, with this share of them to the nearest one."""
+    flat = np.ascontiguousarray(scores, np.float32).ravel()
+    return _core.cut_solid(flat, round(share * flat.size), seed=seed).reshape(scores.shape)
 
 
 def phase_values(

@@ -440,6 +440,11 @@ def two_point_error(
     return relative_error(ours.radial, theirs.radial)
 
 
+def normalised(curve: _Curve, fraction: float) -> _Curve:
+    """Return the autocovariance over the variance of a curve of S₂ and its volume fraction."""
+    return np.asarray((curve - fraction**2) / (fraction - fraction**2))
+
+
 def relative_error(curve: _Curve, reference: _Curve) -> float:
     """Return 100 · ‖curve − reference‖ / ‖reference‖ without their first values, where both are."""
     both = np.isfinite(curve) & np.isfinite(reference)

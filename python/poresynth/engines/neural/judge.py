@@ -16,17 +16,17 @@ from poresynth.metrics.connectivity import FLOATING, component_sizes
 from poresynth.metrics.correlation import (
     R_MAX,
     TwoPointCorrelation,
+    normalised,
     relative_error,
     two_point_correlation,
 )
 
-__all__ = ["Evaluation", "Judge", "normalised"]
+__all__ = ["Evaluation", "Judge"]
 
 FAR = 10
 """Voxels beyond which an autocovariance along an axis betrays a lattice."""
 
 Solid = npt.NDArray[np.bool_]
-Curve = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,11 +103,6 @@ class Judge:
             "floating_parts": float(np.count_nonzero(sizes < FLOATING)),
         }
         return Evaluation(figures, (two_point + covariance) / 2, volume)
-
-
-def normalised(curve: Curve, fraction: float) -> Curve:
-    """Return the autocovariance over the variance of a curve of S₂ and its volume fraction."""
-    return np.asarray((curve - fraction**2) / (fraction - fraction**2))
 
 
 def axis_repeat(found: TwoPointCorrelation) -> float:

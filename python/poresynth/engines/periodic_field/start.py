@@ -11,7 +11,6 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
-from poresynth.engines.neural.judge import normalised
 from poresynth.engines.neural.noise import mix_seed
 from poresynth.engines.neural.tiles import assemble
 from poresynth.engines.periodic_field.jets import JetLoss
@@ -20,7 +19,7 @@ from poresynth.engines.periodic_field.period import WAVELENGTHS, Period
 from poresynth.engines.periodic_field.sampling import FieldTiles, Frame
 from poresynth.engines.periodic_field.windows import Windows
 from poresynth.engines.point_models import models
-from poresynth.metrics.correlation import relative_error, two_point_correlation
+from poresynth.metrics.correlation import normalised, relative_error, two_point_correlation
 
 __all__ = ["Start", "choose_start", "spacings"]
 

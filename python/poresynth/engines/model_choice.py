@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import KDTree
 
-from poresynth import _core
 from poresynth.engines.images import Images
 from poresynth.engines.point_models import PointModel, models, nearest, points
-from poresynth.metrics.correlation import relative_error, two_point_correlation
+from poresynth.engines.values import cut_share
+from poresynth.metrics.correlation import normalised, relative_error, two_point_correlation
 from poresynth.metrics.slice_statistics import (
     SliceStatistics,
     mean_error,
@@ -61,7 +61,7 @@ def near_models(images: Images, count: int) -> list[tuple[PointModel, float]]:
     solids = list(images.solids().values())
     edge = min(_EDGE, *[n for solid in solids for n in solid.shape[1:]])
     own = mean_statistics([w for solid in solids for w in window_statistics(solid, window=edge)])
-    wanted = _autocovariance(own.two_point)
+    wanted = normalised(own.two_point, own.two_point[0])
     share = 1 - images.phases.porosity
     sign = 1 if share <= 0.5 else -1
     # From a surface to the next but one on a line.
@@ -74,9 +74,10 @@ def near_models(images: Images, count: int) -> list[tuple[PointModel, float]]:
             distances = nearest(KDTree(points(box, spacing, relaxed, 0), boxsize=box), at)
             for name in models(3):
                 model = PointModel(name, sign, float(spacing), relaxed)
-                solid = _cut(model.total(distances), share)
+                solid = cut_share(model.total(distances), share)
                 curves = [two_point_correlation(s[None], len(wanted) - 1).radial for s in solid]
-                off = relative_error(_autocovariance(np.mean(curves, axis=0)), wanted)
+                curve = np.mean(curves, axis=0)
+                off = relative_error(normalised(curve, curve[0]), wanted)
                 found.append((off, model, solid))
     found.sort(key=lambda entry: entry[0])
     measured = [(model, (off + _error(own, solid)) / 2) for off, model, solid in found[:_MEASURED]]
@@ -89,17 +90,6 @@ def _planes(edge: int) -> npt.NDArray[np.float64]:
     places = (np.arange(_PLANES) + 0.5) * edge / _PLANES
     flat = np.stack(np.meshgrid(places, middles, middles, indexing="ij"), axis=-1)
     return np.concatenate([np.roll(flat, axis, axis=-1) for axis in range(3)])
-
-
-def _cut(values: npt.NDArray[np.float64], share: float) -> npt.NDArray[np.bool_]:
-    flat = np.ascontiguousarray(values, np.float32).ravel()
-    return _core.cut_solid(flat, round(share * flat.size), seed=0).reshape(values.shape)
-
-
-def _autocovariance(two_point: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return S2 less what pairs far apart have, over the variance."""
-    share = float(two_point[0])
-    return np.asarray((two_point - share**2) / (share - share**2), dtype=np.float64)
 
 
 def _error(own: SliceStatistics, solid: npt.NDArray[np.bool_]) -> float:
