@@ -12,13 +12,16 @@ mod diameters;
 mod paint;
 mod ridge;
 mod sections;
+mod steps;
 
+use bytemuck::Pod;
 use ndarray::{ArrayView3, ArrayViewMut3};
 use rayon::prelude::*;
 
 use self::cells::Cells;
 use self::diameters::Balls;
 use self::sections::Discs;
+use self::steps::Steps;
 use super::distance::transform::{Kept, Lattice};
 use super::distance::window::Lane;
 use super::distance::{Aligned, relative};
@@ -34,8 +37,9 @@ use crate::volume::Boundary;
 /// whether t is odd or even. If no voxel is outside, the thickness is infinite. `out` is contiguous,
 /// in the memory order of the phase.
 ///
-/// Memory: 6 bytes a voxel besides `out` (12 if a radius is above 127 voxels, 16 if voxels are no
-/// cubes), and then 24 bytes a ball that is kept: one in five voxels of blobs and of foams.
+/// Memory besides `out`: 10 bytes a ball that is kept, of which there is one for five to ten voxels of
+/// blobs and of foams. If a radius is above 127 voxels, or voxels are no cubes, 4 bytes a voxel and 16
+/// a ball; of the latter voxels most have one.
 pub fn local_thickness(
     phase: ArrayView3<'_, bool>,
     voxel_size: [f64; 3],
@@ -44,50 +48,63 @@ pub fn local_thickness(
     monitor: &Monitor<'_>,
 ) -> Result<()> {
     let Aligned { phase, voxel_size, mut out } = Aligned::new(phase, voxel_size, out)?;
-    let space = Space::new(voxel_size, boundary);
-    if space.is_cubic()
-        && let Some(balls) = Balls::<u16>::new(phase, &space, monitor)?
-    {
-        return fill(balls, &space, phase, out, monitor);
+    if phase.iter().all(|&inside| inside) {
+        out.fill(f32::INFINITY);
+        return Ok(());
     }
-    match Balls::<f32>::new(phase, &space, monitor)? {
-        // Either all voxels have someone outside, or none has.
-        Some(balls) if balls.reach.first() == Some(&f32::INFINITY) => out.fill(f32::INFINITY),
-        Some(balls) => fill(balls, &space, phase, out, monitor)?,
-        None => (),
+    let space = Space::new(voxel_size, boundary);
+    if !space.is_cubic() || !fill::<u16>(&space, phase, out.view_mut(), monitor)? {
+        fill::<f32>(&space, phase, out, monitor)?;
     }
     Ok(())
 }
 
-fn fill<T: Lane + Kept<T>>(
-    balls: Balls<T>,
+/// False if squares are too large to be kept, in which case `out` is of no use.
+fn fill<T: Lane + Kept<T> + Pod>(
     space: &Space,
     phase: ArrayView3<'_, bool>,
-    out: ArrayViewMut3<'_, f32>,
+    mut out: ArrayViewMut3<'_, f32>,
     monitor: &Monitor<'_>,
-) -> Result<()> {
+) -> Result<bool> {
+    let room = out.as_slice_mut().unwrap_or_default();
+    let mut more = Vec::new();
+    let Some(balls) = Balls::<T>::new(phase, space, room, &mut more, monitor)? else {
+        return Ok(false);
+    };
     let slabs = ridge::ridge(&balls, space, monitor)?;
-    drop(balls);
+    drop(more);
     let cells = Cells::new(slabs, phase.dim(), space);
     let discs = if space.is_cubic() { Discs::of_cubes(cells.reach()) } else { Discs::none() };
-    paint::tiles(out).into_par_iter().try_for_each(|(origin, out)| {
-        paint::fill((&cells, &discs), phase, space, origin, out, monitor)
-    })
+    let work = paint::Work::default;
+    paint::tiles(out).into_par_iter().try_for_each_init(work, |work, (origin, out)| {
+        paint::fill(work, (&cells, &discs), phase, space, origin, out, monitor)
+    })?;
+    Ok(true)
 }
 
 /// Where voxels are, in units in which most squared distances are whole numbers.
 struct Space {
     /// Edges of a voxel: 2 for cubes, so that half a voxel is a whole number too.
     size: [f64; 3],
+    /// One by each edge.
+    by_edge: [f32; 3],
     /// The unit's length.
     unit: f64,
+    steps: Steps,
     boundary: Boundary,
 }
 
 impl Space {
     fn new(voxel_size: [f64; 3], boundary: Boundary) -> Self {
         let (shortest, edges) = relative(voxel_size);
-        Self { size: edges.map(|edge| 2.0 * edge), unit: 0.5 * shortest, boundary }
+        let size = edges.map(|edge| 2.0 * edge);
+        Self {
+            size,
+            by_edge: size.map(|edge| (1.0 / edge) as f32),
+            unit: 0.5 * shortest,
+            steps: Steps::new(size),
+            boundary,
+        }
     }
 
     fn is_cubic(&self) -> bool {
@@ -97,6 +114,12 @@ impl Space {
     /// Diameter of a ball, by its rank: where a voxel has the edge 2, half a voxel is the unit.
     fn diameter(&self, rank: f32) -> f32 {
         if self.is_cubic() { (rank.sqrt() - 1.0) * (2.0 * self.unit as f32) } else { rank }
+    }
+
+    /// Takes so much off the square of a ball that no rounding reaches the voxels outside: between
+    /// voxels that are cubes, squares are multiples of 4.
+    fn inside(&self, square: f32) -> f32 {
+        if self.is_cubic() { square - 2.0 } else { square * (1.0 - 1e-6) }
     }
 
     fn lattice(&self, half: [bool; 3]) -> Lattice {

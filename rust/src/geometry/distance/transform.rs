@@ -4,11 +4,13 @@
 //! columns along z by windows over [`LANES`] columns abreast. A window ends where it cannot lower
 //! the largest of its minima; where that is too far, lines go to their [`Envelope`].
 
-use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, s};
+use ndarray::{ArrayView2, ArrayViewMut3, Axis, s};
 use rayon::prelude::*;
 
 use super::envelope::Envelope;
-use super::window::{FARTHEST, LANES, Lane, Line, Steps, carry_on, count_back, count_on, padding};
+use super::window::{
+    FARTHEST, LANES, Lane, Line, Steps, carry_on, count_back, count_on, lower_to, padding,
+};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 use crate::volume::Boundary;
@@ -87,7 +89,12 @@ impl Kept<Self> for u16 {
     }
 
     fn load(kept: &[Self], lanes: &mut [Self]) {
-        lanes[..kept.len()].copy_from_slice(kept);
+        // A copy whose length is known is not worth a call.
+        if let (Ok(kept), Some(lanes)) = (<&[_; LANES]>::try_from(kept), lanes.first_chunk_mut()) {
+            *lanes = *kept;
+        } else {
+            lanes[..kept.len()].copy_from_slice(kept);
+        }
     }
 
     fn squares(_: &mut [Self]) -> Option<&mut [f32]> {
@@ -121,22 +128,20 @@ fn run<T: Lane>(
     finish: &(impl Fn(&mut [f32]) + Sync),
     monitor: &Monitor<'_>,
 ) -> Result<()> {
-    if !planes::<T, _>(targets, lattice, out.view_mut(), monitor)? {
+    if !planes::<T>(targets, lattice, out.view_mut(), monitor)? {
         return Ok(()); // there are no voxels
     }
     let (nz, _, nx) = out.dim();
     let along_z = lattice.steps::<T>(0, nz);
     out.axis_iter_mut(Axis(1)).into_par_iter().try_for_each_init(
-        || Columns::<T, _>::new(nz, &along_z),
-        |columns, mut out| {
+        || (Columns::<T, _>::new(nz, &along_z), vec![0.0; nz * LANES]),
+        |(columns, lowered), mut out| {
             for x in (0..nx).step_by(LANES) {
                 monitor.check()?;
                 let mut part = out.slice_mut(s![.., x..(x + LANES).min(nx)]);
                 columns.load(part.view(), lattice.boundary);
-                columns.lower(lattice, &along_z, part.view());
-                for (mut row, lowered) in
-                    part.rows_mut().into_iter().zip(columns.lowered().chunks(LANES))
-                {
+                columns.lower(lattice, &along_z, part.view(), lowered);
+                for (mut row, lowered) in part.rows_mut().into_iter().zip(lowered.chunks(LANES)) {
                     if let Some(row) = row.as_slice_mut() {
                         row.copy_from_slice(&lowered[..row.len()]);
                         finish(row);
@@ -148,57 +153,122 @@ fn run<T: Lane>(
     )
 }
 
-/// Writes the squared distance of each voxel to the nearest target in its plane; false if some
-/// cannot be kept, or if there are no voxels.
-pub(crate) fn planes<T: Lane, V: Kept<T>>(
+/// Writes the squared distance of each voxel to the nearest target in its plane; false if there are
+/// no voxels.
+fn planes<T: Lane>(
     targets: impl Fn(usize, usize, &mut [bool]) + Sync,
     lattice: &Lattice,
-    mut out: ArrayViewMut3<'_, V>,
+    mut out: ArrayViewMut3<'_, f32>,
     monitor: &Monitor<'_>,
 ) -> Result<bool> {
     let shape = out.dim();
-    if [shape.0, shape.1, shape.2].into_iter().any(|n| n > LONGEST) {
-        return Err(Error::parameter("shape", shape, format!("must be at most {LONGEST} an axis")));
-    }
+    check_edges(shape)?;
     if out.is_empty() {
         return Ok(false);
     }
-    let along_x = V::steps_in_planes(lattice.steps(2, shape.2));
-    out.axis_iter_mut(Axis(0))
-        .into_par_iter()
-        .enumerate()
-        .map_init(
-            || Plane::<T>::new(shape.1, shape.2, &along_x),
-            |plane, (z, out)| {
-                plane.run(|y, row| targets(z, y, row), lattice, &along_x, out, monitor)
-            },
-        )
-        .try_reduce(|| true, |a, b| Ok(a && b))
+    let along_x = f32::steps_in_planes(lattice.steps::<T>(2, shape.2));
+    let work = || {
+        let rows = Rows::<T>::new(shape.2, &along_x);
+        (Counts::new(shape.2), vec![0; shape.1 * shape.2], rows)
+    };
+    out.axis_iter_mut(Axis(0)).into_par_iter().enumerate().try_for_each_init(
+        work,
+        |(counts, steps, rows), (z, mut out)| {
+            counts.run(|y, row| targets(z, y, row), lattice.boundary, steps);
+            for (mut out, steps) in out.rows_mut().into_iter().zip(steps.chunks(shape.2)) {
+                monitor.check()?;
+                if let Some(out) = out.as_slice_mut() {
+                    rows.lower([steps; 2], lattice, &along_x, out);
+                }
+            }
+            Ok(())
+        },
+    )?;
+    Ok(true)
 }
 
-/// Room to work on a plane.
-struct Plane<T> {
-    /// Steps from the last target along y, 0 at a target.
-    since: Vec<u16>,
-    /// Steps to the next target along y of a row, and of the row after it.
-    until: Vec<u16>,
-    next: Vec<u16>,
+fn check_edges(shape: (usize, usize, usize)) -> Result<()> {
+    if [shape.0, shape.1, shape.2].into_iter().any(|n| n > LONGEST) {
+        return Err(Error::parameter("shape", shape, format!("must be at most {LONGEST} an axis")));
+    }
+    Ok(())
+}
+
+/// Writes the steps of each voxel to the nearest target along y; `u16::MAX` if there is none.
+pub(crate) fn steps_along_y<T: Lane>(
+    targets: impl Fn(usize, usize, &mut [bool]) + Sync,
+    boundary: Boundary,
+    mut out: ArrayViewMut3<'_, T>,
+    monitor: &Monitor<'_>,
+) -> Result<()> {
+    let shape = out.dim();
+    check_edges(shape)?;
+    out.axis_iter_mut(Axis(0)).into_par_iter().enumerate().try_for_each_init(
+        || (Counts::new(shape.2), vec![0; shape.1 * shape.2]),
+        |(counts, steps), (z, mut out)| {
+            monitor.check()?;
+            counts.run(|y, row| targets(z, y, row), boundary, steps);
+            for (out, &steps) in out.as_slice_mut().unwrap_or_default().iter_mut().zip(&*steps) {
+                *out = T::from_steps(steps);
+            }
+            Ok(())
+        },
+    )
+}
+
+/// Room to count steps along y in a plane.
+struct Counts {
+    /// Steps to the last target, or to the next one.
+    count: Vec<u16>,
     row: Vec<bool>,
+}
+
+impl Counts {
+    fn new(nx: usize) -> Self {
+        Self { count: vec![0; nx], row: vec![false; nx] }
+    }
+
+    /// Writes the steps of each voxel of a plane to the nearest target along y.
+    fn run(&mut self, targets: impl Fn(usize, &mut [bool]), boundary: Boundary, steps: &mut [u16]) {
+        let Self { count, row } = self;
+        let nx = row.len();
+        count.fill(u16::MAX);
+        for (y, since) in steps.chunks_mut(nx).enumerate() {
+            targets(y, row);
+            count_on(count, since, row);
+        }
+        if boundary == Boundary::Periodic {
+            // The last row goes on in the first.
+            for since in steps.chunks_mut(nx) {
+                carry_on(count, since);
+            }
+        }
+        count.fill(u16::MAX);
+        if boundary == Boundary::Periodic {
+            for since in steps.chunks(nx).rev() {
+                count_back(count, since);
+            }
+        }
+        for since in steps.chunks_mut(nx).rev() {
+            count_back(count, since);
+            lower_to(since, count);
+        }
+    }
+}
+
+/// Room to work on a row.
+pub(crate) struct Rows<T> {
     padding: usize,
     padded: Vec<T>,
     least: Vec<T>,
     envelope: Envelope,
 }
 
-impl<T: Lane> Plane<T> {
-    fn new(ny: usize, nx: usize, steps: &Steps<T>) -> Self {
+impl<T: Lane> Rows<T> {
+    pub(crate) fn new(nx: usize, steps: &Steps<T>) -> Self {
         let padding = padding(steps.farthest());
         let width = nx.next_multiple_of(LANES);
         Self {
-            since: vec![0; ny * nx],
-            until: vec![0; nx],
-            next: vec![0; nx],
-            row: vec![false; nx],
             padding,
             padded: vec![T::FAR; width + 2 * padding],
             least: vec![T::FAR; width],
@@ -206,59 +276,32 @@ impl<T: Lane> Plane<T> {
         }
     }
 
-    /// False if some squares cannot be kept.
-    fn run<V: Kept<T>>(
+    /// Writes the squared distances of a row in its plane, given the steps along y to the nearest
+    /// targets from it, and again or from the next row if that is as near; false if some cannot be
+    /// kept.
+    pub(crate) fn lower<V: Kept<T>>(
         &mut self,
-        targets: impl Fn(usize, &mut [bool]),
+        [steps_along_y, beside]: [&[u16]; 2],
         lattice: &Lattice,
         steps: &Steps<T>,
-        mut out: ArrayViewMut2<'_, V>,
-        monitor: &Monitor<'_>,
-    ) -> Result<bool> {
-        let (ny, nx) = out.dim();
-        let periodic = lattice.boundary == Boundary::Periodic;
-        self.next.fill(u16::MAX);
-        for y in 0..ny {
-            targets(y, &mut self.row);
-            let since = &mut self.since[y * nx..(y + 1) * nx];
-            count_on(&mut self.next, since, &self.row);
+        out: &mut [V],
+    ) -> bool {
+        let Lattice { size, half, limit, boundary } = *lattice;
+        let offset = if half[1] { 0.5 } else { 0.0 };
+        let padded = &mut self.padded[self.padding..];
+        T::squares_along(steps_along_y, beside, offset, size[1] as f32, padded);
+        if boundary == Boundary::Periodic {
+            wrap(&mut self.padded, self.padding, out.len(), 1);
         }
-        if periodic {
-            // The last row goes on in the first.
-            for since in self.since.chunks_mut(nx) {
-                carry_on(&mut self.next, since);
-            }
+        let line = Line { values: &self.padded, start: self.padding, step: 1, width: out.len() };
+        if T::minima(&line, steps, &mut self.least) {
+            V::keep(&self.least, out);
+            return true;
         }
-        let offset = if lattice.half[1] { 0.5 } else { 0.0 };
-        self.next.fill(u16::MAX);
-        if periodic {
-            for since in self.since.chunks(nx).rev() {
-                count_back(&mut self.next, since);
-            }
-        }
-        for (y, mut out) in out.rows_mut().into_iter().enumerate().rev() {
-            monitor.check()?;
-            let since = &self.since[y * nx..(y + 1) * nx];
-            self.until.copy_from_slice(&self.next);
-            count_back(&mut self.next, since);
-            let until = if lattice.half[1] { &self.until } else { &self.next };
-            let padded = &mut self.padded[self.padding..];
-            T::squares_along(since, until, offset, lattice.size[1] as f32, padded);
-            if periodic {
-                wrap(&mut self.padded, self.padding, nx, 1);
-            }
-            let line = Line { values: &self.padded, start: self.padding, step: 1, width: nx };
-            let Some(out) = out.as_slice_mut() else { continue };
-            if T::minima(&line, steps, &mut self.least) {
-                V::keep(&self.least, out);
-            } else {
-                let Some(out) = V::squares(out) else { return Ok(false) };
-                f32::squares_along(since, until, offset, lattice.size[1] as f32, out);
-                let Lattice { size, half, limit, boundary } = *lattice;
-                self.envelope.lower(out, size[2], half[2], limit, boundary);
-            }
-        }
-        Ok(true)
+        let Some(out) = V::squares(out) else { return false };
+        f32::squares_along(steps_along_y, beside, offset, size[1] as f32, out);
+        self.envelope.lower(out, size[2], half[2], limit, boundary);
+        true
     }
 }
 
@@ -278,7 +321,6 @@ pub(crate) struct Columns<T, V> {
     padding: usize,
     padded: Vec<T>,
     least: Vec<T>,
-    lowered: Vec<V>,
     column: Vec<V>,
     envelope: Envelope,
 }
@@ -290,7 +332,6 @@ impl<T: Lane, V: Kept<T>> Columns<T, V> {
             padding,
             padded: vec![T::FAR; (nz + 2 * padding) * LANES],
             least: vec![T::FAR; nz * LANES],
-            lowered: vec![V::default(); nz * LANES],
             column: vec![V::default(); nz],
             envelope: Envelope::default(),
         }
@@ -309,18 +350,19 @@ impl<T: Lane, V: Kept<T>> Columns<T, V> {
         }
     }
 
-    /// Lowers the columns that were loaded, half-way to the next voxel or not; false if squares
-    /// cannot be kept.
+    /// Lowers the columns that were loaded, half-way to the next voxel or not, and writes them in rows
+    /// of [`LANES`]; false if squares cannot be kept.
     pub(crate) fn lower(
         &mut self,
         lattice: &Lattice,
         steps: &Steps<T>,
         part: ArrayView2<'_, V>,
+        lowered: &mut [V],
     ) -> bool {
         let start = self.padding * LANES;
         let line = Line { values: &self.padded, start, step: LANES, width: part.ncols() };
         if T::minima(&line, steps, &mut self.least) {
-            V::keep(&self.least, &mut self.lowered);
+            V::keep(&self.least, lowered);
             return true;
         }
         let Lattice { size, half, limit, boundary } = *lattice;
@@ -328,15 +370,10 @@ impl<T: Lane, V: Kept<T>> Columns<T, V> {
             self.column.iter_mut().zip(column).for_each(|(to, &from)| *to = from);
             let Some(squares) = V::squares(&mut self.column) else { return false };
             self.envelope.lower(squares, size[0], half[0], limit, boundary);
-            let places = self.lowered[x..].iter_mut().step_by(LANES);
+            let places = lowered[x..].iter_mut().step_by(LANES);
             places.zip(&self.column).for_each(|(to, &from)| *to = from);
         }
         true
-    }
-
-    /// Rows of [`LANES`] columns, as they were lowered last.
-    pub(crate) fn lowered(&self) -> &[V] {
-        &self.lowered
     }
 }
 

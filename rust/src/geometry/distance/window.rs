@@ -24,6 +24,12 @@ pub(crate) trait Lane: Copy + PartialOrd + Send + Sync + 'static {
     fn from_square(square: f32) -> Self;
     /// The value; [`Self::FAR`] is infinite.
     fn square(self) -> f32;
+    /// The value rounded down; [`Self::FAR`] is large.
+    fn whole(self) -> u32;
+    /// Keeps a count of steps where a square will be.
+    fn from_steps(steps: u16) -> Self;
+    /// The count that was kept.
+    fn steps(self) -> u16;
     /// The square of so many steps; no step has no offset, and `u16::MAX` steps are [`Self::FAR`].
     fn square_of(steps: u16, offset: f32, size: f32) -> Self;
     /// A sum that stops at [`Self::FAR`].
@@ -31,7 +37,7 @@ pub(crate) trait Lane: Copy + PartialOrd + Send + Sync + 'static {
     /// [`minima`] for this type, with the widest instructions of the processor.
     fn minima(line: &Line<'_, Self>, steps: &Steps<Self>, out: &mut [Self]) -> bool;
     /// [`squares_along`] for this type.
-    fn squares_along(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [Self]);
+    fn squares_along(steps: &[u16], others: &[u16], offset: f32, size: f32, out: &mut [Self]);
     /// [`to_squares`] for this type.
     fn to_squares(values: &[Self], out: &mut [f32]);
     /// [`from_squares`] for this type.
@@ -55,6 +61,21 @@ impl Lane for u16 {
     }
 
     #[inline(always)]
+    fn whole(self) -> u32 {
+        u32::from(self)
+    }
+
+    #[inline(always)]
+    fn from_steps(steps: u16) -> Self {
+        steps
+    }
+
+    #[inline(always)]
+    fn steps(self) -> u16 {
+        self
+    }
+
+    #[inline(always)]
     fn square_of(steps: u16, offset: f32, size: f32) -> Self {
         // Whole numbers, see `Lattice::is_whole`.
         let (size, offset) = (size as Self, (offset * size) as Self);
@@ -73,8 +94,8 @@ impl Lane for u16 {
         minima_u16(line, steps, out)
     }
 
-    fn squares_along(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [Self]) {
-        squares_along_u16(since, until, offset, size, out);
+    fn squares_along(steps: &[u16], others: &[u16], offset: f32, size: f32, out: &mut [Self]) {
+        squares_along_u16(steps, others, offset, size, out);
     }
 
     fn to_squares(values: &[Self], out: &mut [f32]) {
@@ -104,6 +125,21 @@ impl Lane for f32 {
     }
 
     #[inline(always)]
+    fn whole(self) -> u32 {
+        self as u32
+    }
+
+    #[inline(always)]
+    fn from_steps(steps: u16) -> Self {
+        f32::from(steps)
+    }
+
+    #[inline(always)]
+    fn steps(self) -> u16 {
+        self as u16
+    }
+
+    #[inline(always)]
     fn square_of(steps: u16, offset: f32, size: f32) -> Self {
         let distance = if steps == 0 { 0.0 } else { (f32::from(steps) + offset) * size };
         if steps == u16::MAX { Self::FAR } else { distance * distance }
@@ -118,8 +154,8 @@ impl Lane for f32 {
         minima_f32(line, steps, out)
     }
 
-    fn squares_along(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [Self]) {
-        squares_along_f32(since, until, offset, size, out);
+    fn squares_along(steps: &[u16], others: &[u16], offset: f32, size: f32, out: &mut [Self]) {
+        squares_along_f32(steps, others, offset, size, out);
     }
 
     fn to_squares(values: &[Self], out: &mut [f32]) {
@@ -214,8 +250,8 @@ macro_rules! for_lanes {
         }
 
         #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
-        fn $squares(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [$type]) {
-            squares_along(since, until, offset, size, out);
+        fn $squares(steps: &[u16], others: &[u16], offset: f32, size: f32, out: &mut [$type]) {
+            squares_along(steps, others, offset, size, out);
         }
 
         #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
@@ -238,11 +274,11 @@ macro_rules! for_lanes {
 for_lanes!(u16, minima_u16, squares_along_u16, to_squares_u16, from_squares_u16, raise_u16);
 for_lanes!(f32, minima_f32, squares_along_f32, to_squares_f32, from_squares_f32, raise_f32);
 
-/// Squared distance of each voxel along an axis, from its steps to either side.
+/// Squared distance of each voxel along an axis, from its steps in two ways.
 #[inline(always)]
-fn squares_along<T: Lane>(since: &[u16], until: &[u16], offset: f32, size: f32, out: &mut [T]) {
-    for ((out, &since), &until) in out.iter_mut().zip(since).zip(until) {
-        *out = T::square_of(smaller(since, until), offset, size);
+fn squares_along<T: Lane>(steps: &[u16], others: &[u16], offset: f32, size: f32, out: &mut [T]) {
+    for ((out, &steps), &other) in out.iter_mut().zip(steps).zip(others) {
+        *out = T::square_of(smaller(steps, other), offset, size);
     }
 }
 
@@ -265,6 +301,14 @@ fn from_squares<T: Lane>(squares: &[f32], out: &mut [T]) {
 fn raise<T: Lane>(out: &mut [T], values: &[T]) {
     for (out, &value) in out.iter_mut().zip(values) {
         *out = if value > *out { value } else { *out };
+    }
+}
+
+/// Lowers values to others that are smaller.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+pub(super) fn lower_to(values: &mut [u16], others: &[u16]) {
+    for (value, &other) in values.iter_mut().zip(others) {
+        *value = smaller(*value, other);
     }
 }
 

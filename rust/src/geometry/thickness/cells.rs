@@ -2,17 +2,18 @@
 
 use super::Space;
 use super::ridge::Ball;
+use crate::geometry::distance::window::Lane;
 use crate::volume::Boundary;
 
 /// Edge of a cell in voxels.
 pub(super) const CELL: usize = 16;
 
 /// A ball in the period that is meant.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Placed {
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Placed<T> {
     /// The voxel in the middle, seen from the first of a block.
     pub at: [i32; 3],
-    pub ball: Ball,
+    pub ball: Ball<T>,
 }
 
 /// The first and the last voxel of a block.
@@ -22,43 +23,42 @@ pub(super) struct Extent {
     pub high: [i32; 3],
 }
 
-/// Steps from one interval to another.
-fn gap(low: i32, high: i32, other_low: i32, other_high: i32) -> i32 {
-    (low - other_high).max(other_low - high).max(0)
-}
-
 /// The balls in [`CELL`] planes, cell by cell.
-pub(super) struct Slab {
-    balls: Vec<Ball>,
-    /// Where the balls of each cell begin, in C order of the cells.
+pub(super) struct Slab<T> {
+    balls: Vec<Ball<T>>,
+    /// Where the balls of each cell begin, in C order of the cells, and where the last end.
     starts: Vec<usize>,
-    /// Largest reach in each cell.
-    reaches: Vec<f32>,
+    /// The largest reach in each cell.
+    reaches: Vec<T>,
 }
 
-impl Slab {
-    /// Sorts balls into cells; `plane` are the edges of the volume along y and x.
-    pub(super) fn new(unsorted: &[Ball], plane: [usize; 2]) -> Self {
-        let [count_y, count_x] = plane.map(|n| n.div_ceil(CELL));
-        let number = |ball: &Ball| {
-            let [y, x] = [ball.at[1], ball.at[2]].map(|at| usize::from(at) / CELL);
-            y * count_x + x
-        };
-        let mut starts = vec![0; count_y * count_x + 1];
-        let mut reaches = vec![0.0f32; count_y * count_x];
-        for ball in unsorted {
-            let cell = number(ball);
+/// Puts a ball into its cell, given the voxel in its middle; returns which of the slab that is.
+/// `per_row` is how many cells there are along x.
+pub(super) fn put<T>(ball: &mut Ball<T>, at: [usize; 3], per_row: usize) -> u32 {
+    ball.place = at.iter().fold(0, |place, at| place * CELL + at % CELL) as u16;
+    (at[1] / CELL * per_row + at[2] / CELL) as u32
+}
+
+impl<T: Lane + Default> Slab<T> {
+    /// Sorts balls, each with its cell, of which there are so many.
+    pub(super) fn new(unsorted: &[(u32, Ball<T>)], cells: usize) -> Self {
+        let mut starts = vec![0; cells + 1];
+        let mut reaches = vec![T::default(); cells];
+        for &(cell, ball) in unsorted {
+            let cell = cell as usize;
             starts[cell + 1] += 1;
-            reaches[cell] = reaches[cell].max(ball.reach);
+            if ball.reach > reaches[cell] {
+                reaches[cell] = ball.reach;
+            }
         }
-        for cell in 1..starts.len() {
-            starts[cell] += starts[cell - 1];
+        for cell in 0..cells {
+            starts[cell + 1] += starts[cell];
         }
         let mut next = starts.clone();
         let mut balls = vec![Ball::default(); unsorted.len()];
-        for ball in unsorted {
-            let place = &mut next[number(ball)];
-            balls[*place] = *ball;
+        for &(cell, ball) in unsorted {
+            let place = &mut next[cell as usize];
+            balls[*place] = ball;
             *place += 1;
         }
         Self { balls, starts, reaches }
@@ -66,8 +66,8 @@ impl Slab {
 }
 
 /// The balls of a volume, by the cell that their centres lie in.
-pub(super) struct Cells {
-    slabs: Vec<Slab>,
+pub(super) struct Cells<T> {
+    slabs: Vec<Slab<T>>,
     /// The largest reach of all.
     reach: f32,
     /// Edges of the volume.
@@ -77,10 +77,20 @@ pub(super) struct Cells {
     boundary: Boundary,
 }
 
-impl Cells {
-    pub(super) fn new(slabs: Vec<Slab>, shape: (usize, usize, usize), space: &Space) -> Self {
-        let reaches = slabs.iter().flat_map(|slab| &slab.reaches);
-        let reach = reaches.copied().fold(0.0, f32::max);
+/// A cell along an axis.
+struct Along {
+    number: usize,
+    /// Its first voxel, in the period that is meant, seen from the first of a block.
+    first: i32,
+    /// Squares of the distances of its voxels from the block, and the least of them.
+    squares: [f32; CELL],
+    gap: f32,
+}
+
+impl<T: Lane + Default> Cells<T> {
+    pub(super) fn new(slabs: Vec<Slab<T>>, shape: (usize, usize, usize), space: &Space) -> Self {
+        let reaches = slabs.iter().flat_map(|slab| &slab.reaches).map(|reach| reach.square());
+        let reach = reaches.fold(0.0, f32::max);
         let size = space.size.map(|edge| edge as f32);
         Self { slabs, reach, edges: shape.into(), size, boundary: space.boundary }
     }
@@ -90,65 +100,75 @@ impl Cells {
         self.reach
     }
 
-    /// The balls that reach into a block, thickest first.
-    pub(super) fn reaching(&self, extent: &Extent) -> Vec<Placed> {
+    /// Finds the balls that reach into a block; returns how many they are, the first that are found.
+    pub(super) fn reaching(&self, extent: &Extent, found: &mut Vec<Placed<T>>) -> usize {
+        let (mut count, per_row) = (0, self.edges[2].div_ceil(CELL));
         let [along_z, along_y, along_x] = [0, 1, 2].map(|axis| self.reaching_along(extent, axis));
-        let per_row = self.edges[2].div_ceil(CELL);
-        let mut found = Vec::new();
-        for &(z, shift_z, gap_z) in &along_z {
-            let slab = &self.slabs[z];
-            for &(y, shift_y, gap_y) in &along_y {
-                for &(x, shift_x, gap_x) in &along_x {
-                    let cell = y * per_row + x;
-                    if gap_z + gap_y + gap_x < slab.reaches[cell] {
-                        let own = &slab.balls[slab.starts[cell]..slab.starts[cell + 1]];
-                        self.gather(own, [shift_z, shift_y, shift_x], extent, &mut found);
+        for z in &along_z {
+            let slab = &self.slabs[z.number];
+            for y in &along_y {
+                for x in &along_x {
+                    let cell = y.number * per_row + x.number;
+                    if z.gap + y.gap + x.gap < slab.reaches[cell].square() {
+                        let balls = &slab.balls[slab.starts[cell]..slab.starts[cell + 1]];
+                        count = gather(balls, [z, y, x], count, found);
                     }
                 }
             }
         }
-        found.sort_unstable_by(|a, b| b.ball.rank.total_cmp(&a.ball.rank));
-        found
+        count
     }
 
-    /// Cells along an axis that hold balls which may reach a block: number, shift to the period
-    /// that is meant, square of the distance.
-    fn reaching_along(&self, extent: &Extent, axis: usize) -> Vec<(usize, i32, f32)> {
+    /// Cells along an axis that hold balls which may reach a block.
+    fn reaching_along(&self, extent: &Extent, axis: usize) -> Vec<Along> {
         let edge = self.edges[axis];
         let length = edge as f32 * self.size[axis];
         let periods = match self.boundary {
             Boundary::Open => 0,
             Boundary::Periodic => (self.reach.sqrt() / length).ceil() as i32,
         };
+        let [low, high] = [extent.low[axis], extent.high[axis]];
         let mut found = Vec::new();
         for period in -periods..=periods {
-            let shift = period * edge as i32;
-            for cell in 0..edge.div_ceil(CELL) {
-                let low = (cell * CELL) as i32 + shift;
-                let gap = gap(extent.low[axis], extent.high[axis], low, low + CELL as i32 - 1);
-                let square = (gap as f32 * self.size[axis]).powi(2);
-                if square < self.reach {
-                    found.push((cell, shift, square));
+            for number in 0..edge.div_ceil(CELL) {
+                let first = (number * CELL) as i32 + period * edge as i32;
+                let squares = std::array::from_fn(|i| {
+                    let place = first + i as i32;
+                    let gap = (low - place).max(place - high).max(0);
+                    (gap as f32 * self.size[axis]).powi(2)
+                });
+                let gap = squares.iter().copied().fold(f32::INFINITY, f32::min);
+                if gap < self.reach {
+                    found.push(Along { number, first: first - low, squares, gap });
                 }
             }
         }
         found
     }
+}
 
-    /// Adds the balls that reach into a block.
-    fn gather(&self, balls: &[Ball], shift: [i32; 3], extent: &Extent, found: &mut Vec<Placed>) {
-        for ball in balls {
-            let mut at = [0; 3];
-            let mut nearest = 0.0;
-            for axis in 0..3 {
-                let place = i32::from(ball.at[axis]) + shift[axis];
-                at[axis] = place - extent.low[axis];
-                let gap = gap(extent.low[axis], extent.high[axis], place, place);
-                nearest += (gap as f32 * self.size[axis]).powi(2);
-            }
-            if nearest < ball.reach {
-                found.push(Placed { at, ball: *ball });
-            }
-        }
+/// Puts the balls of a cell that reach into a block after those that are found; returns how many they
+/// are then.
+fn gather<T: Lane + Default>(
+    balls: &[Ball<T>],
+    along: [&Along; 3],
+    mut count: usize,
+    found: &mut Vec<Placed<T>>,
+) -> usize {
+    if found.len() < count + balls.len() {
+        found.resize(2 * (count + balls.len()), Placed::default());
     }
+    for &ball in balls {
+        let place = usize::from(ball.place);
+        let within = [place / CELL / CELL, place / CELL % CELL, place % CELL];
+        let (mut at, mut square) = ([0; 3], 0.0);
+        for axis in 0..3 {
+            at[axis] = along[axis].first + within[axis] as i32;
+            square += along[axis].squares[within[axis] % CELL];
+        }
+        // Without a branch, which could not be foreseen.
+        found[count] = Placed { at, ball };
+        count += usize::from(square < ball.reach.square());
+    }
+    count
 }

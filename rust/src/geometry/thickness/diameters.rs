@@ -1,175 +1,375 @@
 //! Balls centred on voxels, and how thick those are that are centred near them.
+//!
+//! Distances are taken on voxels and half-way between them along each axis, which makes eight
+//! lattices. What they have in common, the steps to the next voxel outside along y, is counted first.
+//! The rest is done row by row along y, each with those before and behind it, which a cache can hold:
+//! to write the distances of each lattice and read them again would take half the time.
 
-use ndarray::{Array3, ArrayView2, ArrayView3, ArrayViewMut2, Axis, s};
+use bytemuck::Pod;
+use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis, s};
 use rayon::prelude::*;
 
 use super::Space;
 use crate::error::Result;
 use crate::geometry::distance::outside;
-use crate::geometry::distance::transform::{Columns, Kept, Lattice, planes};
+use crate::geometry::distance::transform::{Columns, Kept, Lattice, Rows, steps_along_y};
 use crate::geometry::distance::window::{LANES, Lane, Steps};
 use crate::monitor::Monitor;
 use crate::volume::Boundary;
 
+/// Rows along y that are done one after the other: where they begin, one is done twice.
+const BAND: usize = 16;
+
 /// The ball of each voxel.
-pub(super) struct Balls<T> {
+pub(super) struct Balls<'a, T> {
     /// Squared distance to the nearest voxel outside.
-    pub reach: Array3<T>,
+    pub reach: ArrayViewMut3<'a, T>,
     /// How thick the thickest ball is that is centred on the voxel or half a voxel beside it, along
     /// any axes: the square of its reach if voxels are cubes, else its diameter.
-    pub rank: Array3<T>,
+    pub rank: ArrayViewMut3<'a, T>,
+    /// The largest reach.
+    pub most: T,
 }
 
-impl<T: Lane + Kept<T>> Balls<T> {
-    /// None if squares are too large to be kept, or if there are no voxels.
+impl<'a, T: Lane + Kept<T> + Pod> Balls<'a, T> {
+    /// None if squares are too large to be kept.
+    ///
+    /// There is one voxel at least. `room` is as many values as there are voxels; if that is too
+    /// little, `more` is filled.
     pub(super) fn new(
         phase: ArrayView3<'_, bool>,
         space: &Space,
+        room: &'a mut [f32],
+        more: &'a mut Vec<T>,
         monitor: &Monitor<'_>,
     ) -> Result<Option<Self>> {
-        let volume = || Array3::from_elem(phase.dim(), T::default());
-        let mut balls = Self { reach: volume(), rank: volume() };
-        let mut beside = volume();
-        // Where voxels are no cubes, half a voxel depends on the direction: see `diameter`.
-        let mut counted = if space.is_cubic() { None } else { Some(volume()) };
-        for half in [[false, false], [false, true], [true, false], [true, true]] {
-            let lattice = space.lattice([false, half[0], half[1]]);
-            let mut done = planes::<T, _>(outside(phase), &lattice, beside.view_mut(), monitor)?;
-            if let Some(counted) = &mut counted {
-                let lattice = in_halves(lattice);
-                done &= planes::<T, _>(outside(phase), &lattice, counted.view_mut(), monitor)?;
-            }
-            if !done {
-                return Ok(None);
-            }
-            let along_z = AlongZ::new(lattice, phase.dim().0, space);
-            let on_voxels = half == [false, false];
-            let rows = beside.axis_iter_mut(Axis(1)).into_par_iter();
-            let done = rows
-                .zip(balls.reach.axis_iter_mut(Axis(1)))
-                .enumerate()
-                .map_init(
-                    || Work::new(&along_z),
-                    |work, (y, (beside, reach))| {
-                        let reach = on_voxels.then_some(reach);
-                        let counted = counted.as_ref().map(|all| all.index_axis(Axis(1), y));
-                        work.run(&along_z, beside, reach, counted, monitor)
-                    },
-                )
-                .try_reduce(|| true, |a, b| Ok(a && b))?;
-            if !done {
-                return Ok(None);
-            }
-            raise_beside(&mut balls.rank, beside.view(), half, space.boundary, monitor)?;
+        let (rank, mut reach) = bytemuck::cast_slice_mut(room).split_at_mut(phase.len());
+        if reach.is_empty() {
+            more.resize(phase.len(), T::default());
+            reach = more;
         }
-        Ok(Some(balls))
+        let (Ok(mut rank), Ok(mut reach)) = (
+            ArrayViewMut3::from_shape(phase.dim(), rank),
+            ArrayViewMut3::from_shape(phase.dim(), reach),
+        ) else {
+            return Ok(None);
+        };
+        // The steps of a row are needed no more when its reach is found.
+        steps_along_y(outside(phase), space.boundary, reach.view_mut(), monitor)?;
+        let beyond = rows_beyond_bands(reach.view(), space.boundary);
+        let lattices = Lattices::new(phase.dim(), space);
+        let most = reach
+            .axis_chunks_iter_mut(Axis(1), BAND)
+            .into_par_iter()
+            .zip(rank.axis_chunks_iter_mut(Axis(1), BAND))
+            .zip(beyond)
+            .map_init(
+                || Work::new(&lattices),
+                |work, ((reach, rank), beyond)| work.run_band(beyond, reach, rank, monitor),
+            )
+            .try_reduce(
+                || Some(T::default()),
+                |a, b| Ok(a.zip(b).map(|(a, b)| if b > a { b } else { a })),
+            )?;
+        Ok(most.map(|most| Self { reach, rank, most }))
     }
 }
 
-/// The same lattice where a step is counted as 2 along every axis.
-fn in_halves(lattice: Lattice) -> Lattice {
-    Lattice { size: [2.0; 3], ..lattice }
+/// The steps of a row along y, plane by plane; none beyond an open border.
+type Row = Option<Vec<u16>>;
+
+/// The rows before and after each band.
+fn rows_beyond_bands<T: Lane>(steps: ArrayView3<'_, T>, boundary: Boundary) -> Vec<[Row; 2]> {
+    let ny = steps.dim().1;
+    let of_band = |first: usize| {
+        let last = (first + BAND).min(ny) - 1;
+        [boundary.before(first, ny), boundary.after(last, ny)].map(|y| {
+            let mut row = Vec::new();
+            load(steps.index_axis(Axis(1), y?), &mut row);
+            Some(row)
+        })
+    };
+    (0..ny).into_par_iter().step_by(BAND).map(of_band).collect()
 }
 
-/// The last pass, on voxels and half-way between them.
-struct AlongZ<T> {
-    lattices: [Lattice; 2],
-    steps: [Steps<T>; 2],
-    /// The steps of [`in_halves`].
-    counted: [Steps<T>; 2],
-    nz: usize,
+fn load<T: Lane>(steps: ArrayView2<'_, T>, row: &mut Vec<u16>) {
+    row.clear();
+    for steps in steps.rows() {
+        row.extend(steps.to_slice().unwrap_or_default().iter().map(|steps| steps.steps()));
+    }
+}
+
+/// What distances are measured on.
+struct Lattices<T> {
+    /// Voxels along (z, x).
+    plane: [usize; 2],
+    real: Passes<T>,
+    /// Where voxels are no cubes, half a voxel depends on the direction: see [`diameter`]. This is the
+    /// same where a step is counted as 2 along every axis.
+    counted: Option<Passes<T>>,
     unit: f32,
 }
 
-impl<T: Lane> AlongZ<T> {
-    fn new(lattice: Lattice, nz: usize, space: &Space) -> Self {
-        let [_, y, x] = lattice.half;
-        let lattices = [false, true].map(|half| Lattice { half: [half, y, x], ..lattice });
+/// The passes along x and z, on voxels and half-way between them.
+struct Passes<T> {
+    lattice: Lattice,
+    /// Voxels of a row.
+    nx: usize,
+    along_x: [Steps<T>; 2],
+    along_z: [Steps<T>; 2],
+}
+
+impl<T: Lane + Kept<T>> Lattices<T> {
+    fn new((nz, _, nx): (usize, usize, usize), space: &Space) -> Self {
+        let passes = |size| {
+            let lattice = |half| Lattice { size, ..space.lattice([half; 3]) };
+            let halves = [lattice(false), lattice(true)];
+            Passes {
+                lattice: halves[0],
+                nx,
+                along_x: halves.map(|lattice| T::steps_in_planes(lattice.steps(2, nx))),
+                along_z: halves.map(|lattice| lattice.steps(0, nz)),
+            }
+        };
         Self {
-            steps: lattices.map(|lattice| lattice.steps(0, nz)),
-            counted: lattices.map(|lattice| in_halves(lattice).steps(0, nz)),
-            lattices,
-            nz,
+            plane: [nz, nx],
+            real: passes(space.size),
+            counted: (!space.is_cubic()).then(|| passes([2.0; 3])),
             unit: space.unit as f32,
         }
     }
 }
 
-/// Room to work on [`LANES`] columns.
-struct Work<T> {
+/// Room to work on rows along y: planes of z and x.
+struct Work<'a, T> {
+    lattices: &'a Lattices<T>,
+    rows: Rows<T>,
     columns: Columns<T, T>,
-    counted: Columns<T, T>,
+    /// Steps along y of the row and of the next one.
+    here: Vec<u16>,
+    next: Vec<u16>,
+    /// Squares in planes across z.
+    squares: Vec<T>,
+    counted: Vec<T>,
+    /// [`LANES`] columns on voxels and half-way between them along z.
     ranks: [Vec<T>; 2],
+    ranks_counted: Vec<T>,
+    /// The ranks of the row, and of what is half-way to the row before and to the next.
+    own: Vec<T>,
+    before: Vec<T>,
+    after: Vec<T>,
 }
 
-impl<T: Lane + Kept<T>> Work<T> {
-    fn new(along_z: &AlongZ<T>) -> Self {
-        let lines = || vec![T::default(); along_z.nz * LANES];
+impl<'a, T: Lane + Kept<T>> Work<'a, T> {
+    fn new(lattices: &'a Lattices<T>) -> Self {
+        let [nz, nx] = lattices.plane;
+        let plane = || vec![T::default(); nz * nx];
+        let lines = || vec![T::default(); nz * LANES];
         Self {
-            columns: Columns::new(along_z.nz, &along_z.steps[0]),
-            counted: Columns::new(along_z.nz, &along_z.counted[0]),
+            lattices,
+            rows: Rows::new(nx, &lattices.real.along_x[0]),
+            columns: Columns::new(nz, &lattices.real.along_z[0]),
+            here: vec![0; nz * nx],
+            next: vec![0; nz * nx],
+            squares: plane(),
+            counted: plane(),
             ranks: [lines(), lines()],
+            ranks_counted: lines(),
+            own: plane(),
+            before: plane(),
+            after: plane(),
         }
     }
 
-    /// Turns squares in planes into the ranks of the balls at voxels or half a voxel beside them
-    /// along z; writes what reach they have at the voxels. False if squares cannot be kept.
+    /// Turns the steps of a band to the reach of its voxels and writes their rank; returns the largest
+    /// reach. None if squares cannot be kept.
+    fn run_band(
+        &mut self,
+        [row_before, mut row_after]: [Row; 2],
+        mut reach: ArrayViewMut3<'_, T>,
+        mut rank: ArrayViewMut3<'_, T>,
+        monitor: &Monitor<'_>,
+    ) -> Result<Option<T>> {
+        let mut most = T::default();
+        // Beyond an open border there is nothing.
+        self.after.fill(T::default());
+        load(reach.index_axis(Axis(1), 0), &mut self.next);
+        let mut done = true;
+        if let Some(row) = row_before {
+            self.here = row;
+            done &= self.run_half_way();
+        }
+        let rows = reach.len_of(Axis(1));
+        for y in 0..rows {
+            monitor.check()?;
+            std::mem::swap(&mut self.here, &mut self.next);
+            std::mem::swap(&mut self.before, &mut self.after);
+            self.after.fill(T::default());
+            if y + 1 < rows {
+                load(reach.index_axis(Axis(1), y + 1), &mut self.next);
+                done &= self.run_half_way();
+            } else if let Some(row) = row_after.take() {
+                self.next = row;
+                done &= self.run_half_way();
+            }
+            let mut own = std::mem::take(&mut self.own);
+            own.copy_from_slice(&self.before);
+            T::raise(&mut own, &self.after);
+            let mut reach = reach.index_axis_mut(Axis(1), y);
+            done &= self.run(false, &mut own, Some(reach.view_mut()));
+            let mut rank = rank.index_axis_mut(Axis(1), y);
+            for (mut rank, own) in rank.rows_mut().into_iter().zip(own.chunks(reach.ncols())) {
+                if let Some(rank) = rank.as_slice_mut() {
+                    rank.copy_from_slice(own);
+                }
+            }
+            self.own = own;
+            if !done {
+                return Ok(None);
+            }
+            most = largest(reach.view(), most);
+        }
+        Ok(Some(most))
+    }
+
+    /// Finds the ranks half-way to the next row, in `after`; false if squares cannot be kept.
+    fn run_half_way(&mut self) -> bool {
+        let mut after = std::mem::take(&mut self.after);
+        let done = self.run(true, &mut after, None);
+        self.after = after;
+        done
+    }
+
+    /// Raises ranks to those of the balls that are centred on the voxels of the row or half a voxel
+    /// beside them along z and x, if not half-way to the next row; writes what reach they have at the
+    /// voxels. False if squares cannot be kept.
     fn run(
         &mut self,
-        along_z: &AlongZ<T>,
-        mut squares: ArrayViewMut2<'_, T>,
+        half: bool,
+        raised: &mut [T],
         mut reach: Option<ArrayViewMut2<'_, T>>,
-        counted: Option<ArrayView2<'_, T>>,
-        monitor: &Monitor<'_>,
-    ) -> Result<bool> {
-        let (nz, nx) = squares.dim();
-        for x in (0..nx).step_by(LANES) {
-            monitor.check()?;
-            let columns = s![.., x..(x + LANES).min(nx)];
-            let part = squares.slice_mut(columns);
-            let boundary = along_z.lattices[0].boundary;
-            self.columns.load(part.view(), boundary);
-            let counted = counted.as_ref().map(|all| all.slice(columns));
+    ) -> bool {
+        let Lattices { plane: [_, nx], real, counted, .. } = self.lattices;
+        for half_x in [false, true] {
+            let rows = [&*self.here, if half { &self.next } else { &self.here }];
+            let half = [false, half, half_x];
+            let mut done = lower_rows(&mut self.rows, real, half, rows, &mut self.squares);
             if let Some(counted) = counted {
-                self.counted.load(counted, boundary);
+                done &= lower_rows(&mut self.rows, counted, half, rows, &mut self.counted);
             }
-            for (half, lattice) in along_z.lattices.iter().enumerate() {
-                if !self.columns.lower(lattice, &along_z.steps[half], part.view()) {
-                    return Ok(false);
-                }
-                let ranks = &mut self.ranks[half];
-                ranks.copy_from_slice(self.columns.lowered());
-                if let Some(reach) = reach.as_mut().filter(|_| half == 0) {
-                    store(ranks, reach.slice_mut(columns));
-                }
-                let Some(counted) = counted else { continue };
-                if !self.counted.lower(&in_halves(*lattice), &along_z.counted[half], counted) {
-                    return Ok(false);
-                }
-                for (rank, counted) in ranks.iter_mut().zip(self.counted.lowered()) {
-                    let diameter = diameter(rank.square(), counted.square(), along_z.unit);
-                    *rank = T::from_square(diameter);
+            if !done {
+                return false;
+            }
+            for x in (0..*nx).step_by(LANES) {
+                let reach = reach.as_mut().filter(|_| !half_x).map(|reach| reach.view_mut());
+                if !self.run_columns(x, half, raised, reach) {
+                    return false;
                 }
             }
-            // Half-way to the next voxel is beside both; beyond an open border there is nothing.
-            let [ranks, half] = &mut self.ranks;
-            let last = (nz - 1) * LANES;
-            T::raise(&mut ranks[LANES..], &half[..last]);
-            T::raise(ranks, &half[..last]);
-            if boundary == Boundary::Periodic {
-                T::raise(&mut ranks[..LANES], &half[last..]);
-                T::raise(&mut ranks[last..], &half[last..]);
-            }
-            store(ranks, part);
         }
-        Ok(true)
+        true
     }
+
+    /// The same for [`LANES`] columns from x on, of which there may be fewer.
+    fn run_columns(
+        &mut self,
+        x: usize,
+        half: [bool; 3],
+        raised: &mut [T],
+        mut reach: Option<ArrayViewMut2<'_, T>>,
+    ) -> bool {
+        let Lattices { plane: [nz, nx], real, counted, unit } = self.lattices;
+        let (end, boundary) = ((x + LANES).min(*nx), real.lattice.boundary);
+        let columns = s![.., x..end];
+        let planes = [&self.squares, &self.counted];
+        let [Ok(squares), Ok(squares_counted)] =
+            planes.map(|plane| ArrayView2::from_shape((*nz, *nx), plane))
+        else {
+            return false;
+        };
+        let squares = squares.slice(columns);
+        self.columns.load(squares, boundary);
+        for (half_z, ranks) in self.ranks.iter_mut().enumerate() {
+            let lattice = Lattice { half: [half_z == 1, half[1], half[2]], ..real.lattice };
+            if !self.columns.lower(&lattice, &real.along_z[half_z], squares, ranks) {
+                return false;
+            }
+            if half_z == 0
+                && let Some(reach) = &mut reach
+            {
+                store(ranks, reach.slice_mut(columns));
+            }
+        }
+        if let Some(counted) = counted {
+            let squares = squares_counted.slice(columns);
+            self.columns.load(squares, boundary);
+            for (half_z, ranks) in self.ranks.iter_mut().enumerate() {
+                let lattice = Lattice { half: [half_z == 1, half[1], half[2]], ..counted.lattice };
+                let lowered = &mut self.ranks_counted;
+                if !self.columns.lower(&lattice, &counted.along_z[half_z], squares, lowered) {
+                    return false;
+                }
+                for (rank, counted) in ranks.iter_mut().zip(lowered) {
+                    *rank = T::from_square(diameter(rank.square(), counted.square(), *unit));
+                }
+            }
+        }
+        // Half-way to the next voxel is beside both; beyond an open border there is nothing.
+        let [ranks, half_way] = &mut self.ranks;
+        let last = (nz - 1) * LANES;
+        T::raise(&mut ranks[LANES..], &half_way[..last]);
+        T::raise(ranks, &half_way[..last]);
+        if boundary == Boundary::Periodic {
+            T::raise(&mut ranks[..LANES], &half_way[last..]);
+            T::raise(&mut ranks[last..], &half_way[last..]);
+        }
+        for (raised, ranks) in raised.chunks_mut(*nx).zip(ranks.chunks(LANES)) {
+            let ranks = &ranks[..end - x];
+            if half[2] {
+                let inside = end.min(nx - 1) - x;
+                T::raise(&mut raised[x..], &ranks[..inside]);
+                T::raise(&mut raised[x + 1..], &ranks[..inside]);
+                if boundary == Boundary::Periodic && end == *nx {
+                    T::raise(&mut raised[nx - 1..], &ranks[inside..]);
+                    T::raise(raised, &ranks[inside..]);
+                }
+            } else {
+                T::raise(&mut raised[x..], ranks);
+            }
+        }
+        true
+    }
+}
+
+/// Writes squares in planes for a row along y; false if some cannot be kept.
+fn lower_rows<T: Lane + Kept<T>>(
+    rows: &mut Rows<T>,
+    passes: &Passes<T>,
+    half: [bool; 3],
+    [steps, beside]: [&[u16]; 2],
+    squares: &mut [T],
+) -> bool {
+    let lattice = Lattice { half, ..passes.lattice };
+    let along_x = &passes.along_x[usize::from(half[2])];
+    let both = steps.chunks(passes.nx).zip(beside.chunks(passes.nx));
+    both.zip(squares.chunks_mut(passes.nx))
+        .all(|((steps, beside), squares)| rows.lower([steps, beside], &lattice, along_x, squares))
+}
+
+/// The largest of some rows, or a value that is larger.
+fn largest<T: Copy + PartialOrd>(rows: ArrayView2<'_, T>, most: T) -> T {
+    let larger = |most, &value: &T| if value > most { value } else { most };
+    rows.rows().into_iter().fold(most, |most, row| row.iter().fold(most, larger))
 }
 
 /// Writes rows of [`LANES`] columns, of which there may be fewer.
 fn store<T: Copy>(lines: &[T], mut part: ArrayViewMut2<'_, T>) {
     for (mut row, line) in part.rows_mut().into_iter().zip(lines.chunks(LANES)) {
-        if let Some(row) = row.as_slice_mut() {
+        let Some(row) = row.as_slice_mut() else { continue };
+        if let (Ok(row), Some(line)) = (<&mut [T; LANES]>::try_from(&mut *row), line.first_chunk())
+        {
+            *row = *line;
+        } else {
             row.copy_from_slice(&line[..row.len()]);
         }
     }
@@ -179,43 +379,4 @@ fn store<T: Copy>(lines: &[T], mut part: ArrayViewMut2<'_, T>) {
 /// its distance squared, `counted` the same if distances were counted in half voxels.
 fn diameter(square: f32, counted: f32, unit: f32) -> f32 {
     if counted > 0.0 { square.sqrt() * unit * (2.0 - 2.0 / counted.sqrt()) } else { 0.0 }
-}
-
-/// Raises each voxel to the values half a voxel beside it along y and x, on both sides.
-fn raise_beside<T: Lane>(
-    rank: &mut Array3<T>,
-    values: ArrayView3<'_, T>,
-    half: [bool; 2],
-    boundary: Boundary,
-    monitor: &Monitor<'_>,
-) -> Result<()> {
-    let planes = rank.axis_iter_mut(Axis(0)).into_par_iter().zip(values.axis_iter(Axis(0)));
-    planes.try_for_each(|(mut rank, values)| {
-        monitor.check()?;
-        let (ny, nx) = values.dim();
-        for (y, mut row) in rank.rows_mut().into_iter().enumerate() {
-            let Some(row) = row.as_slice_mut() else { continue };
-            // The values before a row and after it; beyond an open border there are none.
-            let beside = if half[0] {
-                [boundary.before(y, ny), boundary.after(y, ny).map(|_| y)]
-            } else {
-                [Some(y), None]
-            };
-            for from in beside.into_iter().flatten() {
-                let values = values.row(from);
-                let Some(values) = values.to_slice() else { continue };
-                if half[1] {
-                    T::raise(&mut row[..nx - 1], &values[..nx - 1]);
-                    T::raise(&mut row[1..], &values[..nx - 1]);
-                    if boundary == Boundary::Periodic {
-                        T::raise(&mut row[..1], &values[nx - 1..]);
-                        T::raise(&mut row[nx - 1..], &values[nx - 1..]);
-                    }
-                } else {
-                    T::raise(row, values);
-                }
-            }
-        }
-        Ok(())
-    })
 }

@@ -5,10 +5,11 @@ use ndarray::{ArrayView3, ArrayViewMut3, Axis, s};
 
 use super::Space;
 use super::cells::{Cells, Extent, Placed};
-use super::ridge::Ball;
 use super::sections::{Discs, LANES, Roots, Section};
+use super::steps::{STEPS, Step};
 use crate::bits::pack;
 use crate::error::Result;
+use crate::geometry::distance::window::Lane;
 use crate::monitor::Monitor;
 
 /// Edge of a tile in voxels: a row is a word of bits.
@@ -37,8 +38,9 @@ pub(super) fn tiles(out: ArrayViewMut3<'_, f32>) -> Vec<([usize; 3], ArrayViewMu
 }
 
 /// Writes the thickness of a tile.
-pub(super) fn fill(
-    (cells, discs): (&Cells, &Discs),
+pub(super) fn fill<T: Lane + Default>(
+    Work { tile, found, order }: &mut Work<T>,
+    (cells, discs): (&Cells<T>, &Discs),
     phase: ArrayView3<'_, bool>,
     space: &Space,
     origin: [usize; 3],
@@ -48,16 +50,27 @@ pub(super) fn fill(
     let (z, y, x) = out.dim();
     let [from_z, from_y, from_x] = origin;
     let phase = phase.slice(s![from_z..from_z + z, from_y..from_y + y, from_x..from_x + x]);
-    let mut tile = Tile::new(phase);
+    tile.begin(phase);
     if tile.planes == 0 {
         out.fill(0.0);
         return Ok(());
     }
     let low = origin.map(|from| from as i32);
     let extent = Extent { low, high: [0, 1, 2].map(|i| low[i] + [z, y, x][i] as i32 - 1) };
-    for balls in cells.reaching(&extent).chunks(1024) {
+    let found = {
+        let count = cells.reaching(&extent, found);
+        &found[..count]
+    };
+    // Thickest first: the bits of larger numbers are larger.
+    order.clear();
+    let key = |(i, placed): (usize, &Placed<T>)| {
+        u64::from(!placed.ball.rank.square().to_bits()) << 32 | i as u64
+    };
+    order.extend(found.iter().enumerate().map(key));
+    order.sort_unstable();
+    for order in order.chunks(1024) {
         monitor.check()?;
-        paint(&mut tile, balls, space, discs);
+        paint(tile, found, order, space, discs);
         if tile.planes == 0 {
             break;
         }
@@ -71,16 +84,34 @@ pub(super) fn fill(
     Ok(())
 }
 
-/// Paints balls. Everything below is inlined here, so that it is compiled for the processor.
+/// Paints balls in an order, their numbers in the lower half. Everything below is inlined here, so
+/// that it is compiled for the processor.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512vl+avx512dq+bmi1+bmi2",
     "x86_64+avx2+bmi1+bmi2"
 ))]
-fn paint(tile: &mut Tile, balls: &[Placed], space: &Space, discs: &Discs) {
-    let size = space.size.map(|edge| edge as f32);
-    for ball in balls {
-        let diameter = space.diameter(ball.ball.rank);
-        tile.paint(ball, diameter, size, discs);
+fn paint<T: Lane>(
+    tile: &mut Tile,
+    found: &[Placed<T>],
+    order: &[u64],
+    space: &Space,
+    discs: &Discs,
+) {
+    for &number in order {
+        tile.paint(&found[number as u32 as usize], space, discs);
+    }
+}
+
+/// Room to work on a tile.
+pub(super) struct Work<T> {
+    tile: Tile,
+    found: Vec<Placed<T>>,
+    order: Vec<u64>,
+}
+
+impl<T> Default for Work<T> {
+    fn default() -> Self {
+        Self { tile: Tile::default(), found: Vec::new(), order: Vec::new() }
     }
 }
 
@@ -96,38 +127,45 @@ struct Tile {
     planes: u64,
 }
 
-impl Tile {
-    fn new(phase: ArrayView3<'_, bool>) -> Self {
-        let mut tile = Self {
+impl Default for Tile {
+    fn default() -> Self {
+        Self {
             painted: vec![0.0; TILE.pow(3)],
             waiting: vec![0; TILE * PLANE],
             rows: [0; TILE],
             planes: 0,
-        };
+        }
+    }
+}
+
+impl Tile {
+    /// All voxels of a phase wait.
+    fn begin(&mut self, phase: ArrayView3<'_, bool>) {
+        self.painted.fill(0.0);
+        self.waiting.fill(0);
+        (self.rows, self.planes) = ([0; TILE], 0);
         for (z, plane) in phase.outer_iter().enumerate() {
             for (y, row) in plane.outer_iter().enumerate() {
                 let bits = row.as_slice().map_or_else(
                     || row.iter().rev().fold(0, |bits, &inside| bits << 1 | u64::from(inside)),
                     pack,
                 );
-                tile.waiting[z * PLANE + y] = bits;
-                tile.rows[z] |= u64::from(bits != 0) << y;
+                self.waiting[z * PLANE + y] = bits;
+                self.rows[z] |= u64::from(bits != 0) << y;
             }
-            tile.planes |= u64::from(tile.rows[z] != 0) << z;
+            self.planes |= u64::from(self.rows[z] != 0) << z;
         }
-        tile
     }
 
     /// Gives the voxels of a ball that wait its diameter, but for those in its neighbour's ball: that
     /// one came before, or one that has the same voxels did.
     #[inline(always)]
-    fn paint(&mut self, placed: &Placed, diameter: f32, size: [f32; 3], discs: &Discs) {
-        let extents = extents(&placed.ball, size);
-        // Axis by axis: `map` is not inlined into what is compiled for the processor.
-        let depths = span(placed.at[0], extents[0]);
-        let heights = span(placed.at[1], extents[1]);
-        let widths = span(placed.at[2], extents[2]);
-        let tabled = discs.hold(&placed.ball);
+    fn paint<T: Lane>(&mut self, placed: &Placed<T>, space: &Space, discs: &Discs) {
+        let ball = &placed.ball;
+        let step = &space.steps.all[usize::from(ball.step) % STEPS];
+        let [depths, heights, widths] = bounds(placed, step, space);
+        let diameter = space.diameter(ball.rank.square());
+        let tabled = discs.hold(ball);
         let mut planes = self.planes & depths;
         while planes != 0 {
             let z = planes.trailing_zeros() as usize;
@@ -137,9 +175,10 @@ impl Tile {
                 continue;
             }
             if tabled {
-                self.paint_plane(&discs.section(placed, z), diameter, z, rows);
+                self.paint_plane(&discs.section(placed, step.along, z), diameter, z, rows);
             } else {
-                self.paint_plane(&Roots::new(placed, z, size, widths), diameter, z, rows);
+                let section = Roots::new(placed, step.along, space, z, widths);
+                self.paint_plane(&section, diameter, z, rows);
             }
         }
     }
@@ -171,49 +210,29 @@ impl Tile {
     }
 }
 
-/// The places of a tile from one step from a place to another, as bits.
+/// The planes, rows and places in rows of a tile that have voxels of a ball which may not lie in its
+/// neighbour's, as bits.
 #[inline(always)]
-fn span(at: i32, (low, high): (i32, i32)) -> u64 {
-    let last = TILE as i32 - 1;
-    let (low, high) = ((at + low).max(0), (at + high).min(last));
-    if low > high { 0 } else { (u64::MAX << low) & (u64::MAX >> (last - high)) }
+fn bounds<T: Lane>(Placed { at, ball }: &Placed<T>, step: &Step, space: &Space) -> [u64; 3] {
+    let (reach, neighbour) = (ball.reach.square(), ball.neighbour.square());
+    let begins = if neighbour > 0.0 { step.begins(reach, neighbour) } else { -reach };
+    let (low, high) = step.ends(reach, begins);
+    let mut spans = [0; 3];
+    for axis in 0..3 {
+        // No rounding may leave out a voxel.
+        let slack = 1e-3 * (1.0 + high[axis] - low[axis]);
+        let by_edge = space.by_edge[axis];
+        let low = at[axis] + ((low[axis] - slack) * by_edge).ceil() as i32;
+        let high = at[axis] + ((high[axis] + slack) * by_edge).floor() as i32;
+        spans[axis] = span(low, high);
+    }
+    spans
 }
 
-/// The first and the last step along each axis from the middle of a ball to what does not lie in its
-/// neighbour's ball.
+/// The places of a tile from one to another, as bits.
 #[inline(always)]
-fn extents(ball: &Ball, size: [f32; 3]) -> [(i32, i32); 3] {
-    let radius = ball.reach.sqrt();
-    let mut ends = [(-radius, radius); 3];
-    if ball.neighbour > 0.0 {
-        // What is left lies in the cap that begins so far out in the direction away from the
-        // neighbour: it ends at its rim, or where the ball does if that is in the cap.
-        let mut away = [0.0; 3];
-        let mut square = 0.0;
-        for axis in 0..3 {
-            away[axis] = -f32::from(ball.step[axis]) * size[axis];
-            square += away[axis] * away[axis];
-        }
-        let length = square.sqrt();
-        let begins = (ball.neighbour - square - ball.reach) / (2.0 * length);
-        let rim = (ball.reach - begins * begins).max(0.0);
-        for axis in 0..3 {
-            let cosine = away[axis] / length;
-            let rim = (rim * (1.0 - cosine * cosine).max(0.0)).sqrt();
-            if -radius * cosine < begins {
-                ends[axis].0 = begins * cosine - rim;
-            }
-            if radius * cosine < begins {
-                ends[axis].1 = begins * cosine + rim;
-            }
-        }
-    }
-    // Truncation is towards the middle, by less than a step.
-    let slack = 1e-3 * (1.0 + radius);
-    let mut steps = [(0, 0); 3];
-    for axis in 0..3 {
-        let (low, high) = ends[axis];
-        steps[axis] = (((low - slack) / size[axis]) as i32, ((high + slack) / size[axis]) as i32);
-    }
-    steps
+fn span(low: i32, high: i32) -> u64 {
+    let last = TILE as i32 - 1;
+    let (low, high) = (low.max(0), high.min(last));
+    if low > high { 0 } else { (u64::MAX << low) & (u64::MAX >> (last - high)) }
 }

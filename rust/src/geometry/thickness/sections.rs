@@ -1,8 +1,10 @@
 //! Which voxels of a plane of a tile lie in a ball, but not in that of its neighbour.
 
+use super::Space;
 use super::cells::Placed;
 use super::paint::TILE;
-use super::ridge::{Ball, SHORT};
+use super::ridge::Ball;
+use crate::geometry::distance::window::Lane;
 
 /// Rows that are compared with a ball at once.
 pub(super) const LANES: usize = 8;
@@ -15,12 +17,7 @@ pub(super) trait Section {
 }
 
 /// Largest radius of discs in [`Discs`], in voxels: the neighbour's may be one larger.
-const LARGEST: i32 = 30;
-
-/// Rows of a disc in [`Discs`], and which is that of its middle: beyond the disc there are as many
-/// without voxels as rows of its own ball, or of its neighbour's, may ask for.
-const ROWS: usize = 2 * MIDDLE + LANES;
-const MIDDLE: usize = LARGEST as usize + 4;
+const LARGEST: u32 = 30;
 
 /// Bit of the middle of a row: as many voxels lie on both sides.
 const CENTRE: i32 = 31;
@@ -31,64 +28,70 @@ const CENTRE: i32 = 31;
 /// the time of painting.
 pub(super) struct Discs {
     rows: Vec<u64>,
-    /// Reaches of the balls whose sections are here.
-    below: f32,
+    /// Which row of a disc is that of its middle: beyond the disc there are as many without voxels as
+    /// rows of its own ball, or of its neighbour's, may ask for.
+    middle: i32,
+    /// Rows of a disc.
+    height: usize,
+    /// Squared distances, in units of cubes, of the balls whose sections are here.
+    below: u32,
 }
 
 impl Discs {
     /// Discs of balls up to a reach, as far as they are kept here.
     pub(super) fn of_cubes(reach: f32) -> Self {
-        let most = whole(reach).min((LARGEST + 1).pow(2));
-        let mut rows = vec![0; (most as usize + 1) * ROWS];
-        for (square, disc) in rows.chunks_exact_mut(ROWS).enumerate() {
+        let most = ((0.25 * reach) as u32).min((LARGEST + 1).pow(2));
+        let middle = most.isqrt() as i32 + 4;
+        let height = 2 * middle as usize + LANES;
+        let mut rows = vec![0; (most as usize + 1) * height];
+        for (square, disc) in rows.chunks_exact_mut(height).enumerate() {
             for (row, bits) in disc.iter_mut().enumerate() {
-                let left = square as i32 - 1 - (row as i32 - MIDDLE as i32).pow(2);
+                let left = square as i32 - 1 - (row as i32 - middle).pow(2);
                 if left >= 0 {
                     let steps = left.isqrt();
                     *bits = ((1 << (2 * steps + 1)) - 1) << (CENTRE - steps);
                 }
             }
         }
-        Self { rows, below: (4 * most) as f32 }
+        Self { rows, middle, height, below: 4 * most + 4 }
     }
 
     /// None: where voxels are no cubes, discs are ellipses of many kinds.
     pub(super) const fn none() -> Self {
-        Self { rows: Vec::new(), below: 0.0 }
+        Self { rows: Vec::new(), middle: 0, height: 0, below: 0 }
     }
 
     /// Whether the sections of a ball and of its neighbour's are here.
     #[inline(always)]
-    pub(super) fn hold(&self, ball: &Ball) -> bool {
-        ball.reach < self.below && ball.neighbour < self.below
+    pub(super) fn hold<T: Lane>(&self, ball: &Ball<T>) -> bool {
+        ball.reach.whole() < self.below && ball.neighbour.whole() < self.below
     }
 
-    /// The section of a ball that is held.
+    /// The section of a ball that is held, with the step to its neighbour.
     #[inline(always)]
-    pub(super) fn section(&self, placed: &Placed, z: usize) -> Tabled<'_> {
-        let Placed { at, ball } = placed;
+    pub(super) fn section<T: Lane>(
+        &self,
+        Placed { at, ball }: &Placed<T>,
+        along: [i32; 3],
+        z: usize,
+    ) -> Tabled<'_> {
+        let whole = |square: T| (square.whole() / 4) as i32;
         let dz = z as i32 - at[0];
-        let other_dz = dz - i32::from(ball.step[0]);
+        let other_dz = dz - along[0];
         Tabled {
             own: self.disc(whole(ball.reach) - dz * dz),
             other: self.disc(whole(ball.neighbour) - other_dz * other_dz),
             // The row that has the middle of the ball, and of its neighbour's, were it on this one.
-            first: [MIDDLE as i32 - at[1], MIDDLE as i32 - at[1] - i32::from(ball.step[1])],
-            shift: [at[2] - CENTRE, at[2] + i32::from(ball.step[2]) - CENTRE],
+            first: [self.middle - at[1], self.middle - at[1] - along[1]],
+            shift: [at[2] - CENTRE, at[2] + along[2] - CENTRE],
         }
     }
 
     #[inline(always)]
     fn disc(&self, square: i32) -> &[u64] {
         let square = if square > 0 { square as usize } else { 0 };
-        &self.rows[square * ROWS..][..ROWS]
+        &self.rows[square * self.height..][..self.height]
     }
-}
-
-/// The square in voxels that the voxels of a ball are nearer than.
-#[inline(always)]
-fn whole(reach: f32) -> i32 {
-    (0.25 * (reach + SHORT)) as i32
 }
 
 /// A section from the table.
@@ -150,14 +153,19 @@ pub(super) struct Roots {
 
 impl Roots {
     #[inline(always)]
-    pub(super) fn new(placed: &Placed, z: usize, size: [f32; 3], widths: u64) -> Self {
-        let Placed { at, ball } = placed;
+    pub(super) fn new<T: Lane>(
+        Placed { at, ball }: &Placed<T>,
+        along: [i32; 3],
+        space: &Space,
+        z: usize,
+        widths: u64,
+    ) -> Self {
+        let size = space.size.map(|edge| edge as f32);
         let dz = z as i32 - at[0];
-        let [step_z, step_y, step_x] = ball.step;
         Self {
-            own: ball.reach - square(dz, size[0]),
-            other: ball.neighbour - square(dz - i32::from(step_z), size[0]),
-            at: [[at[1], at[2]], [at[1] + i32::from(step_y), at[2] + i32::from(step_x)]],
+            own: space.inside(ball.reach.square()) - square(dz, size[0]),
+            other: space.inside(ball.neighbour.square()) - square(dz - along[0], size[0]),
+            at: [[at[1], at[2]], [at[1] + along[1], at[2] + along[2]]],
             widths,
             size: [size[1], size[2].recip()],
         }

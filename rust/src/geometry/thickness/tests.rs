@@ -2,11 +2,15 @@ use ndarray::{Array3, s};
 use proptest::prelude::*;
 
 use super::cells::Placed;
+use super::diameters::Balls;
 use super::ridge::Ball;
-use super::sections::{LANES, Roots, Section};
+use super::sections::{Discs, LANES, Roots, Section};
+use super::steps::STEPS;
 use super::*;
 use crate::geometry::distance::distance_transform;
+use crate::rng::Key;
 use crate::threads::with_threads;
+use crate::volume::index;
 
 fn thickness(phase: ArrayView3<'_, bool>, size: [f64; 3], boundary: Boundary) -> Array3<f32> {
     let mut out = Array3::zeros(phase.dim());
@@ -40,6 +44,15 @@ fn twin(phase: &Array3<bool>, diameters: &Array3<f32>, boundary: Boundary) -> Ar
     })
 }
 
+/// How thick the ball of each voxel is, where voxels are cubes.
+fn diameters(phase: &Array3<bool>, space: &Space) -> Array3<f32> {
+    let (mut room, mut more) = (vec![0.0; phase.len()], Vec::new());
+    let monitor = Monitor::silent();
+    let balls = Balls::<u16>::new(phase.view(), space, &mut room, &mut more, &monitor);
+    let balls = balls.unwrap().unwrap();
+    balls.rank.mapv(|rank| space.diameter(f32::from(rank)))
+}
+
 fn volumes() -> impl Strategy<Value = Array3<bool>> {
     (1..7usize, 1..9usize, 1..24usize, 0.5..1.0f64).prop_flat_map(|(z, y, x, fraction)| {
         proptest::collection::vec(proptest::bool::weighted(fraction), z * y * x)
@@ -57,23 +70,34 @@ proptest! {
             return Ok(());
         }
         let space = Space::new([1.0; 3], boundary);
-        let monitor = Monitor::silent();
-        let balls = Balls::<u16>::new(phase.view(), &space, &monitor).unwrap().unwrap();
-        let diameters = balls.rank.mapv(|rank| space.diameter(f32::from(rank)));
+        let diameters = diameters(&phase, &space);
         prop_assert_eq!(&found, &twin(&phase, &diameters, boundary));
         let again = with_threads(3, || thickness(phase.view(), [1.0; 3], boundary)).unwrap();
         prop_assert_eq!(&found, &again);
         // The way of large radii and of other voxels than cubes.
-        let wide = Balls::<f32>::new(phase.view(), &space, &monitor).unwrap().unwrap();
         let mut again = Array3::zeros(phase.dim());
-        fill(wide, &space, phase.view(), again.view_mut(), &monitor).unwrap();
+        fill::<f32>(&space, phase.view(), again.view_mut(), &Monitor::silent()).unwrap();
         prop_assert_eq!(&found, &again);
     }
 }
 
-/// A square less than which voxels are, in half voxels, as balls have it.
-fn reach(square: i32) -> f32 {
-    (4 * square - 2) as f32
+#[test]
+fn where_bands_lanes_and_tiles_meet() {
+    // Longer than a band along y, than lanes and a tile along x, or than a slab along z.
+    for (shape, boundary) in [
+        ((3, 35, 70), Boundary::Open),
+        ((3, 35, 70), Boundary::Periodic),
+        ((35, 18, 4), Boundary::Open),
+        ((35, 18, 4), Boundary::Periodic),
+    ] {
+        let noise = Key::new(1);
+        let phase = Array3::from_shape_fn(shape, |(z, y, x)| {
+            noise.unit(index(shape.into(), [z, y, x]) as u64) < 0.985
+        });
+        let diameters = diameters(&phase, &Space::new([1.0; 3], boundary));
+        let found = thickness(phase.view(), [1.0; 3], boundary);
+        assert_eq!(found, twin(&phase, &diameters, boundary));
+    }
 }
 
 proptest! {
@@ -81,7 +105,7 @@ proptest! {
     fn discs_are_what_roots_find(
         own in 1..961i32,
         other in 0..961i32,
-        step in [-1..2i8, -1..2i8, -1..2i8],
+        step in 0..STEPS,
         off in [-1.0..1.0f64, -1.0..1.0f64, -1.0..1.0f64],
         voxel in [0..64i32, 0..64i32, 0..64i32],
         waiting: [u64; LANES],
@@ -90,15 +114,16 @@ proptest! {
         let radius = f64::from(own - 1).sqrt();
         let length = off.iter().map(|a| a * a).sum::<f64>().sqrt().max(1.0);
         let at = [0, 1, 2].map(|i| voxel[i] + (off[i] / length * radius) as i32);
-        let neighbour = if other == 0 { 0.0 } else { reach(other) };
-        let ball = Ball { step, reach: reach(own), neighbour, ..Ball::default() };
-        let placed = Placed { at, ball };
-        let discs = Discs::of_cubes(reach(own.max(other) + 1));
-        prop_assert!(discs.hold(&ball));
+        let [reach, neighbour] = [own, other].map(|square| (4 * square) as u16);
+        let placed = Placed { at, ball: Ball { reach, neighbour, ..Ball::default() } };
+        let space = Space::new([1.0; 3], Boundary::Open);
+        let along = space.steps.all[step].along;
+        let discs = Discs::of_cubes((4 * own.max(other)) as f32);
+        prop_assert!(discs.hold(&placed.ball));
         let (z, y) = (voxel[0] as usize, voxel[1] as usize);
         let (mut hits, mut expected) = ([0; LANES], [0; LANES]);
-        let found = discs.section(&placed, z).find_hits(y, &waiting, &mut hits);
-        let roots = Roots::new(&placed, z, [2.0; 3], u64::MAX);
+        let found = discs.section(&placed, along, z).find_hits(y, &waiting, &mut hits);
+        let roots = Roots::new(&placed, along, &space, z, u64::MAX);
         prop_assert_eq!(found, roots.find_hits(y, &waiting, &mut expected));
         prop_assert_eq!(hits, expected);
     }
@@ -109,9 +134,7 @@ fn balls_that_the_table_of_discs_is_too_small_for() {
     // One voxel outside, in a corner: the ball in the opposite one holds all others.
     let phase = Array3::from_shape_fn((42, 42, 42), |(z, y, x)| z * z + y * y + x * x >= 1);
     let found = thickness(phase.view(), [1.0; 3], Boundary::Open);
-    let space = Space::new([1.0; 3], Boundary::Open);
-    let balls = Balls::<u16>::new(phase.view(), &space, &Monitor::silent()).unwrap().unwrap();
-    let diameters = balls.rank.mapv(|rank| space.diameter(f32::from(rank)));
+    let diameters = diameters(&phase, &Space::new([1.0; 3], Boundary::Open));
     let largest = diameters.iter().copied().fold(0.0, f32::max);
     assert!(largest > 100.0);
     assert!(found.iter().skip(1).all(|&t| t >= largest), "{largest}");
