@@ -9,6 +9,7 @@
 
 mod cells;
 mod diameters;
+mod needed;
 mod paint;
 mod ridge;
 mod sections;
@@ -39,7 +40,7 @@ use crate::volume::Boundary;
 ///
 /// Memory besides `out`: 10 bytes a ball that is kept, of which there is one for five to ten voxels of
 /// blobs and of foams. If a radius is above 127 voxels, or voxels are no cubes, 4 bytes a voxel and 16
-/// a ball; of the latter voxels most have one.
+/// a ball.
 pub fn local_thickness(
     phase: ArrayView3<'_, bool>,
     voxel_size: [f64; 3],

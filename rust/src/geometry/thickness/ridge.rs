@@ -7,15 +7,13 @@ use rayon::prelude::*;
 use super::Space;
 use super::cells::{CELL, Slab, put};
 use super::diameters::Balls;
+use super::needed::Needed;
 use super::steps::{MIDDLE, STEPS, Steps};
 use crate::error::Result;
 use crate::geometry::distance::transform::Kept;
 use crate::geometry::distance::window::{LANES, Lane};
 use crate::monitor::Monitor;
 use crate::volume::Boundary;
-
-/// Largest radius in voxels for which [`Needed::table`] is made; it takes the cube of it.
-const LARGEST_IN_TABLE: usize = 512;
 
 /// Voxels that are looked at together; it divides [`LANES`].
 const SOME: usize = 16;
@@ -173,7 +171,7 @@ impl<T: Lane + Kept<T>> Rows<T> {
         self.whole.copy_from_slice(&self.reach[middle][1..=width]);
         // A row that goes on in itself may have one more value after its end.
         self.whole[nx..].fill(T::default());
-        needed.fill(&self.whole, &mut self.neighbours);
+        needed.fill(&self.whole, self.neighbours.iter_mut().map(|kind| &mut kind.needed[..]));
         for neighbours in &mut self.neighbours {
             neighbours.largest.fill(T::default());
         }
@@ -269,91 +267,4 @@ fn comes_after(at: [usize; 3], step: [i32; 3], shape: [usize; 3]) -> bool {
         (at[axis] + n).wrapping_add_signed(step[axis] as isize) % n
     });
     other > at
-}
-
-/// The squared distance that a neighbour must have for its ball to hold that of a voxel.
-enum Needed<T> {
-    /// In cubes: by squared distance in voxels, and by how many axes the neighbour differs along.
-    Table(Vec<[T; 3]>),
-    /// By the distance of the neighbour, along which axes it differs.
-    Lengths([f32; 7]),
-}
-
-impl<T: Lane + Kept<T>> Needed<T> {
-    fn new(space: &Space, most: f32) -> Self {
-        let most_in_voxels = (most / 4.0) as usize;
-        if space.is_cubic() && most_in_voxels <= LARGEST_IN_TABLE.pow(2) {
-            return Self::Table(Self::table(most_in_voxels));
-        }
-        let mut lengths = [0.0; 7];
-        for step in &space.steps.all[MIDDLE + 1..] {
-            lengths[step.axes() - 1] = step.square.sqrt();
-        }
-        Self::Lengths(lengths)
-    }
-
-    /// Where squares are whole numbers, a ball of a voxel may lie in that of a neighbour though its
-    /// real one does not (Rémy and Thiel 2002). The farthest voxel v of a ball from the neighbour
-    /// at −e has the square |v|² + 2 v·e + |e|²; the neighbour's must be larger by one at least.
-    fn table(most: usize) -> Vec<[T; 3]> {
-        let mut sums = vec![[None::<usize>; 3]; most + 1];
-        let root = most.isqrt();
-        for a in 0..=root {
-            for b in 0..=a.min((most - a * a).isqrt()) {
-                for c in 0..=b.min((most - a * a - b * b).isqrt()) {
-                    let of = &mut sums[a * a + b * b + c * c];
-                    for (largest, sum) in of.iter_mut().zip([a, a + b, a + b + c]) {
-                        *largest = (*largest).max(Some(sum));
-                    }
-                }
-            }
-        }
-        let mut farthest = [0; 3];
-        let mut needed = vec![[T::default(); 3]; most + 1];
-        for square in 1..=most {
-            for axes in 0..3 {
-                if let Some(sum) = sums[square - 1][axes] {
-                    farthest[axes] = farthest[axes].max(square - 1 + 2 * sum + axes + 1);
-                }
-                needed[square][axes] = T::from_square(4.0 * (farthest[axes] + 1) as f32);
-            }
-        }
-        needed
-    }
-
-    /// How many kinds of steps there are.
-    const fn kinds(&self) -> usize {
-        match self {
-            Self::Table(_) => 3,
-            Self::Lengths(lengths) => lengths.len(),
-        }
-    }
-
-    /// The kind of a step that is along some axes, as bits.
-    const fn kind(&self, axes: usize) -> usize {
-        match self {
-            Self::Table(_) => axes.count_ones() as usize - 1,
-            Self::Lengths(_) => axes - 1,
-        }
-    }
-
-    fn fill(&self, squares: &[T], neighbours: &mut [Neighbours<T>]) {
-        match (self, neighbours) {
-            (Self::Table(table), [one, two, three]) => {
-                let needed = one.needed.iter_mut().zip(&mut two.needed).zip(&mut three.needed);
-                for (((one, two), three), square) in needed.zip(squares) {
-                    [*one, *two, *three] = table[square.whole() as usize / 4];
-                }
-            }
-            (Self::Table(_), _) => (),
-            (Self::Lengths(lengths), neighbours) => {
-                for (neighbours, length) in neighbours.iter_mut().zip(lengths) {
-                    for (needed, square) in neighbours.needed.iter_mut().zip(squares) {
-                        let root = square.square().sqrt() + length;
-                        *needed = T::from_square(root * root * (1.0 + 4e-6));
-                    }
-                }
-            }
-        }
-    }
 }
