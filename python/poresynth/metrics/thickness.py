@@ -158,9 +158,9 @@ def local_thickness(
     If voxels are no cubes, half a voxel is D / 2K, where K is the distance counted in voxels: half
     an edge along an axis, something between for other directions.
 
-    Peak memory besides the result: 2 bytes a voxel of blobs and of foams, for 10 are taken by a ball
-    that is not part of a neighbour's; 6 to 8 where a radius is above 127 voxels or voxels are no
-    cubes.
+    Peak memory besides the result: 2 bytes a voxel of blobs and of foams, for 10 are taken by a
+    ball that is not part of a neighbour's; 6 to 8 where a radius is above 127 voxels or voxels are
+    no cubes.
     """
     size = scale_of(solid, voxel_size).voxel_size
     array = as_phase(solid, phase=phase)
