@@ -2,10 +2,10 @@
 //! phase that contains a voxel.
 //!
 //! The ball of a voxel holds the voxels nearer to its centre than the nearest voxel outside
-//! (`diameters`). Most lie in the ball of a neighbour that is as thick, or nearly so (`ridge`). The
-//! others, which are kept by place (`cells`), paint what does not, thickest first (`paint`), plane by
-//! plane (`sections`). Tiles do not depend on each other, so that neither the result nor the work
-//! depends on the threads.
+//! (`diameters`). Most lie in the ball of a neighbour (`steps`) that is as thick (`ridge`), if that is
+//! large enough (`needed`). The others, which are kept by place (`cells`), paint what does not,
+//! thickest first (`paint`), plane by plane (`sections`). Tiles do not depend on each other, so that
+//! neither the result nor the work depends on the threads.
 
 mod cells;
 mod diameters;

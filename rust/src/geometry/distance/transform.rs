@@ -89,16 +89,21 @@ impl Kept<Self> for u16 {
     }
 
     fn load(kept: &[Self], lanes: &mut [Self]) {
-        // A copy whose length is known is not worth a call.
-        if let (Ok(kept), Some(lanes)) = (<&[_; LANES]>::try_from(kept), lanes.first_chunk_mut()) {
-            *lanes = *kept;
-        } else {
-            lanes[..kept.len()].copy_from_slice(kept);
-        }
+        copy_lanes(kept, lanes);
     }
 
     fn squares(_: &mut [Self]) -> Option<&mut [f32]> {
         None
+    }
+}
+
+/// Copies as many of [`LANES`] values as there are on both sides.
+pub(crate) fn copy_lanes<T: Copy>(from: &[T], to: &mut [T]) {
+    // A copy whose length is known is not worth a call.
+    if let (Some(from), Some(to)) = (from.first_chunk::<LANES>(), to.first_chunk_mut()) {
+        *to = *from;
+    } else {
+        to.iter_mut().zip(from).for_each(|(to, &from)| *to = from);
     }
 }
 
@@ -143,7 +148,7 @@ fn run<T: Lane>(
                 columns.lower(lattice, &along_z, part.view(), lowered);
                 for (mut row, lowered) in part.rows_mut().into_iter().zip(lowered.chunks(LANES)) {
                     if let Some(row) = row.as_slice_mut() {
-                        row.copy_from_slice(&lowered[..row.len()]);
+                        copy_lanes(lowered, row);
                         finish(row);
                     }
                 }
@@ -167,14 +172,10 @@ fn planes<T: Lane>(
         return Ok(false);
     }
     let along_x = f32::steps_in_planes(lattice.steps::<T>(2, shape.2));
-    let work = || {
-        let rows = Rows::<T>::new(shape.2, &along_x);
-        (Counts::new(shape.2), vec![0; shape.1 * shape.2], rows)
-    };
     out.axis_iter_mut(Axis(0)).into_par_iter().enumerate().try_for_each_init(
-        work,
-        |(counts, steps, rows), (z, mut out)| {
-            counts.run(|y, row| targets(z, y, row), lattice.boundary, steps);
+        || (Counts::new(shape.1, shape.2), Rows::<T>::new(shape.2, &along_x)),
+        |(counts, rows), (z, mut out)| {
+            let steps = counts.run(|y, row| targets(z, y, row), lattice.boundary);
             for (mut out, steps) in out.rows_mut().into_iter().zip(steps.chunks(shape.2)) {
                 monitor.check()?;
                 if let Some(out) = out.as_slice_mut() {
@@ -204,11 +205,11 @@ pub(crate) fn steps_along_y<T: Lane>(
     let shape = out.dim();
     check_edges(shape)?;
     out.axis_iter_mut(Axis(0)).into_par_iter().enumerate().try_for_each_init(
-        || (Counts::new(shape.2), vec![0; shape.1 * shape.2]),
-        |(counts, steps), (z, mut out)| {
+        || Counts::new(shape.1, shape.2),
+        |counts, (z, mut out)| {
             monitor.check()?;
-            counts.run(|y, row| targets(z, y, row), boundary, steps);
-            for (out, &steps) in out.as_slice_mut().unwrap_or_default().iter_mut().zip(&*steps) {
+            let steps = counts.run(|y, row| targets(z, y, row), boundary);
+            for (out, &steps) in out.as_slice_mut().unwrap_or_default().iter_mut().zip(steps) {
                 *out = T::from_steps(steps);
             }
             Ok(())
@@ -221,16 +222,18 @@ struct Counts {
     /// Steps to the last target, or to the next one.
     count: Vec<u16>,
     row: Vec<bool>,
+    /// Steps to the nearest target.
+    steps: Vec<u16>,
 }
 
 impl Counts {
-    fn new(nx: usize) -> Self {
-        Self { count: vec![0; nx], row: vec![false; nx] }
+    fn new(ny: usize, nx: usize) -> Self {
+        Self { count: vec![0; nx], row: vec![false; nx], steps: vec![0; ny * nx] }
     }
 
-    /// Writes the steps of each voxel of a plane to the nearest target along y.
-    fn run(&mut self, targets: impl Fn(usize, &mut [bool]), boundary: Boundary, steps: &mut [u16]) {
-        let Self { count, row } = self;
+    /// Returns the steps of each voxel of a plane to the nearest target along y.
+    fn run(&mut self, targets: impl Fn(usize, &mut [bool]), boundary: Boundary) -> &[u16] {
+        let Self { count, row, steps } = self;
         let nx = row.len();
         count.fill(u16::MAX);
         for (y, since) in steps.chunks_mut(nx).enumerate() {
@@ -253,6 +256,7 @@ impl Counts {
             count_back(count, since);
             lower_to(since, count);
         }
+        steps
     }
 }
 

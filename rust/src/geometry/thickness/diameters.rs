@@ -5,14 +5,18 @@
 //! The rest is done row by row along y, each with those before and behind it, which a cache can hold:
 //! to write the distances of each lattice and read them again would take half the time.
 
+use std::ops::Range;
+
 use bytemuck::Pod;
-use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis, s};
+use ndarray::{Array2, ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis, s};
 use rayon::prelude::*;
 
 use super::Space;
 use crate::error::Result;
 use crate::geometry::distance::outside;
-use crate::geometry::distance::transform::{Columns, Kept, Lattice, Rows, steps_along_y};
+use crate::geometry::distance::transform::{
+    Columns, Kept, Lattice, Rows, copy_lanes, steps_along_y,
+};
 use crate::geometry::distance::window::{LANES, Lane, Steps};
 use crate::monitor::Monitor;
 use crate::volume::Boundary;
@@ -75,27 +79,26 @@ impl<'a, T: Lane + Kept<T> + Pod> Balls<'a, T> {
     }
 }
 
-/// The steps of a row along y, plane by plane; none beyond an open border.
-type Row = Option<Vec<u16>>;
+/// The steps of a row along y, in planes of z and x; none beyond an open border.
+type Row = Option<Array2<u16>>;
 
 /// The rows before and after each band.
 fn rows_beyond_bands<T: Lane>(steps: ArrayView3<'_, T>, boundary: Boundary) -> Vec<[Row; 2]> {
     let ny = steps.dim().1;
     let of_band = |first: usize| {
         let last = (first + BAND).min(ny) - 1;
-        [boundary.before(first, ny), boundary.after(last, ny)].map(|y| {
-            let mut row = Vec::new();
-            load(steps.index_axis(Axis(1), y?), &mut row);
-            Some(row)
-        })
+        [boundary.before(first, ny), boundary.after(last, ny)]
+            .map(|y| Some(steps.index_axis(Axis(1), y?).mapv(T::steps)))
     };
     (0..ny).into_par_iter().step_by(BAND).map(of_band).collect()
 }
 
-fn load<T: Lane>(steps: ArrayView2<'_, T>, row: &mut Vec<u16>) {
-    row.clear();
-    for steps in steps.rows() {
-        row.extend(steps.to_slice().unwrap_or_default().iter().map(|steps| steps.steps()));
+/// Takes the steps of a row, plane by plane, each of which is contiguous.
+fn load<T: Lane>(steps: ArrayView2<'_, T>, row: &mut Array2<u16>) {
+    for (mut to, from) in row.rows_mut().into_iter().zip(steps.rows()) {
+        if let (Some(to), Some(from)) = (to.as_slice_mut(), from.to_slice()) {
+            to.iter_mut().zip(from).for_each(|(to, from)| *to = from.steps());
+        }
     }
 }
 
@@ -113,8 +116,6 @@ struct Lattices<T> {
 /// The passes along x and z, on voxels and half-way between them.
 struct Passes<T> {
     lattice: Lattice,
-    /// Voxels of a row.
-    nx: usize,
     along_x: [Steps<T>; 2],
     along_z: [Steps<T>; 2],
 }
@@ -126,7 +127,6 @@ impl<T: Lane + Kept<T>> Lattices<T> {
             let halves = [lattice(false), lattice(true)];
             Passes {
                 lattice: halves[0],
-                nx,
                 along_x: halves.map(|lattice| T::steps_in_planes(lattice.steps(2, nx))),
                 along_z: halves.map(|lattice| lattice.steps(0, nz)),
             }
@@ -140,17 +140,64 @@ impl<T: Lane + Kept<T>> Lattices<T> {
     }
 }
 
+/// Room to find the squares of a row along y.
+struct Squares<'a, T> {
+    passes: &'a Passes<T>,
+    rows: Rows<T>,
+    columns: Columns<T, T>,
+    /// Those in planes across z.
+    in_planes: Array2<T>,
+}
+
+impl<'a, T: Lane + Kept<T>> Squares<'a, T> {
+    fn new(passes: &'a Passes<T>, [nz, nx]: [usize; 2]) -> Self {
+        Self {
+            passes,
+            rows: Rows::new(nx, &passes.along_x[0]),
+            columns: Columns::new(nz, &passes.along_z[0]),
+            in_planes: Array2::from_elem((nz, nx), T::default()),
+        }
+    }
+
+    /// Finds those in planes, given the steps along y of the row, and again or of the next one; false
+    /// if some cannot be kept.
+    fn lower_rows(&mut self, half: [bool; 3], [steps, beside]: [&Array2<u16>; 2]) -> bool {
+        let lattice = Lattice { half, ..self.passes.lattice };
+        let along_x = &self.passes.along_x[usize::from(half[2])];
+        let both = steps.rows().into_iter().zip(beside.rows());
+        both.zip(self.in_planes.rows_mut()).all(|((steps, beside), mut squares)| {
+            match (steps.to_slice(), beside.to_slice(), squares.as_slice_mut()) {
+                (Some(steps), Some(beside), Some(squares)) => {
+                    self.rows.lower([steps, beside], &lattice, along_x, squares)
+                }
+                _ => false,
+            }
+        })
+    }
+
+    /// Takes columns of those in planes.
+    fn load(&mut self, xs: &Range<usize>) {
+        let columns = self.in_planes.slice(s![.., xs.clone()]);
+        self.columns.load(columns, self.passes.lattice.boundary);
+    }
+
+    /// Writes the squares of the columns that were loaded; false if some cannot be kept.
+    fn lower_columns(&mut self, half: [bool; 3], xs: &Range<usize>, lowered: &mut [T]) -> bool {
+        let lattice = Lattice { half, ..self.passes.lattice };
+        let along_z = &self.passes.along_z[usize::from(half[0])];
+        let columns = self.in_planes.slice(s![.., xs.clone()]);
+        self.columns.lower(&lattice, along_z, columns, lowered)
+    }
+}
+
 /// Room to work on rows along y: planes of z and x.
 struct Work<'a, T> {
     lattices: &'a Lattices<T>,
-    rows: Rows<T>,
-    columns: Columns<T, T>,
+    real: Squares<'a, T>,
+    counted: Option<Squares<'a, T>>,
     /// Steps along y of the row and of the next one.
-    here: Vec<u16>,
-    next: Vec<u16>,
-    /// Squares in planes across z.
-    squares: Vec<T>,
-    counted: Vec<T>,
+    here: Array2<u16>,
+    next: Array2<u16>,
     /// [`LANES`] columns on voxels and half-way between them along z.
     ranks: [Vec<T>; 2],
     ranks_counted: Vec<T>,
@@ -163,16 +210,15 @@ struct Work<'a, T> {
 impl<'a, T: Lane + Kept<T>> Work<'a, T> {
     fn new(lattices: &'a Lattices<T>) -> Self {
         let [nz, nx] = lattices.plane;
+        let squares = |passes| Squares::new(passes, lattices.plane);
         let plane = || vec![T::default(); nz * nx];
         let lines = || vec![T::default(); nz * LANES];
         Self {
             lattices,
-            rows: Rows::new(nx, &lattices.real.along_x[0]),
-            columns: Columns::new(nz, &lattices.real.along_z[0]),
-            here: vec![0; nz * nx],
-            next: vec![0; nz * nx],
-            squares: plane(),
-            counted: plane(),
+            real: squares(&lattices.real),
+            counted: lattices.counted.as_ref().map(squares),
+            here: Array2::zeros((nz, nx)),
+            next: Array2::zeros((nz, nx)),
             ranks: [lines(), lines()],
             ranks_counted: lines(),
             own: plane(),
@@ -191,13 +237,14 @@ impl<'a, T: Lane + Kept<T>> Work<'a, T> {
         monitor: &Monitor<'_>,
     ) -> Result<Option<T>> {
         let mut most = T::default();
+        load(reach.index_axis(Axis(1), 0), &mut self.next);
         // Beyond an open border there is nothing.
         self.after.fill(T::default());
-        load(reach.index_axis(Axis(1), 0), &mut self.next);
-        let mut done = true;
         if let Some(row) = row_before {
             self.here = row;
-            done &= self.run_half_way();
+            if !self.run_half_way() {
+                return Ok(None);
+            }
         }
         let rows = reach.len_of(Axis(1));
         for y in 0..rows {
@@ -205,27 +252,27 @@ impl<'a, T: Lane + Kept<T>> Work<'a, T> {
             std::mem::swap(&mut self.here, &mut self.next);
             std::mem::swap(&mut self.before, &mut self.after);
             self.after.fill(T::default());
-            if y + 1 < rows {
+            let goes_on = if y + 1 < rows {
                 load(reach.index_axis(Axis(1), y + 1), &mut self.next);
-                done &= self.run_half_way();
+                true
             } else if let Some(row) = row_after.take() {
                 self.next = row;
-                done &= self.run_half_way();
+                true
+            } else {
+                false
+            };
+            if goes_on && !self.run_half_way() {
+                return Ok(None);
             }
-            let mut own = std::mem::take(&mut self.own);
-            own.copy_from_slice(&self.before);
-            T::raise(&mut own, &self.after);
             let mut reach = reach.index_axis_mut(Axis(1), y);
-            done &= self.run(false, &mut own, Some(reach.view_mut()));
+            if !self.run_own(reach.view_mut()) {
+                return Ok(None);
+            }
             let mut rank = rank.index_axis_mut(Axis(1), y);
-            for (mut rank, own) in rank.rows_mut().into_iter().zip(own.chunks(reach.ncols())) {
+            for (mut rank, own) in rank.rows_mut().into_iter().zip(self.own.chunks(reach.ncols())) {
                 if let Some(rank) = rank.as_slice_mut() {
                     rank.copy_from_slice(own);
                 }
-            }
-            self.own = own;
-            if !done {
-                return Ok(None);
             }
             most = largest(reach.view(), most);
         }
@@ -240,6 +287,16 @@ impl<'a, T: Lane + Kept<T>> Work<'a, T> {
         done
     }
 
+    /// Finds the ranks of the row, in `own`, and writes its reach; false if squares cannot be kept.
+    fn run_own(&mut self, reach: ArrayViewMut2<'_, T>) -> bool {
+        let mut own = std::mem::take(&mut self.own);
+        own.copy_from_slice(&self.before);
+        T::raise(&mut own, &self.after);
+        let done = self.run(false, &mut own, Some(reach));
+        self.own = own;
+        done
+    }
+
     /// Raises ranks to those of the balls that are centred on the voxels of the row or half a voxel
     /// beside them along z and x, if not half-way to the next row; writes what reach they have at the
     /// voxels. False if squares cannot be kept.
@@ -249,20 +306,18 @@ impl<'a, T: Lane + Kept<T>> Work<'a, T> {
         raised: &mut [T],
         mut reach: Option<ArrayViewMut2<'_, T>>,
     ) -> bool {
-        let Lattices { plane: [_, nx], real, counted, .. } = self.lattices;
+        let [_, nx] = self.lattices.plane;
         for half_x in [false, true] {
-            let rows = [&*self.here, if half { &self.next } else { &self.here }];
+            let rows = [&self.here, if half { &self.next } else { &self.here }];
             let half = [false, half, half_x];
-            let mut done = lower_rows(&mut self.rows, real, half, rows, &mut self.squares);
-            if let Some(counted) = counted {
-                done &= lower_rows(&mut self.rows, counted, half, rows, &mut self.counted);
-            }
-            if !done {
+            if !self.real.lower_rows(half, rows)
+                || !self.counted.as_mut().is_none_or(|counted| counted.lower_rows(half, rows))
+            {
                 return false;
             }
-            for x in (0..*nx).step_by(LANES) {
+            for x in (0..nx).step_by(LANES) {
                 let reach = reach.as_mut().filter(|_| !half_x).map(|reach| reach.view_mut());
-                if !self.run_columns(x, half, raised, reach) {
+                if !self.run_columns(x..(x + LANES).min(nx), half, raised, reach) {
                     return false;
                 }
             }
@@ -270,48 +325,34 @@ impl<'a, T: Lane + Kept<T>> Work<'a, T> {
         true
     }
 
-    /// The same for [`LANES`] columns from x on, of which there may be fewer.
+    /// The same for some columns, at most [`LANES`].
     fn run_columns(
         &mut self,
-        x: usize,
-        half: [bool; 3],
+        xs: Range<usize>,
+        [_, half_y, half_x]: [bool; 3],
         raised: &mut [T],
         mut reach: Option<ArrayViewMut2<'_, T>>,
     ) -> bool {
-        let Lattices { plane: [nz, nx], real, counted, unit } = self.lattices;
-        let (end, boundary) = ((x + LANES).min(*nx), real.lattice.boundary);
-        let columns = s![.., x..end];
-        let planes = [&self.squares, &self.counted];
-        let [Ok(squares), Ok(squares_counted)] =
-            planes.map(|plane| ArrayView2::from_shape((*nz, *nx), plane))
-        else {
-            return false;
-        };
-        let squares = squares.slice(columns);
-        self.columns.load(squares, boundary);
-        for (half_z, ranks) in self.ranks.iter_mut().enumerate() {
-            let lattice = Lattice { half: [half_z == 1, half[1], half[2]], ..real.lattice };
-            if !self.columns.lower(&lattice, &real.along_z[half_z], squares, ranks) {
+        let Lattices { plane: [nz, nx], real, unit, .. } = self.lattices;
+        let boundary = real.lattice.boundary;
+        self.real.load(&xs);
+        if let Some(counted) = &mut self.counted {
+            counted.load(&xs);
+        }
+        for (half_z, ranks) in [false, true].into_iter().zip(&mut self.ranks) {
+            let half = [half_z, half_y, half_x];
+            if !self.real.lower_columns(half, &xs, ranks) {
                 return false;
             }
-            if half_z == 0
-                && let Some(reach) = &mut reach
-            {
-                store(ranks, reach.slice_mut(columns));
+            if !half_z && let Some(reach) = &mut reach {
+                store(ranks, reach.slice_mut(s![.., xs.clone()]));
             }
-        }
-        if let Some(counted) = counted {
-            let squares = squares_counted.slice(columns);
-            self.columns.load(squares, boundary);
-            for (half_z, ranks) in self.ranks.iter_mut().enumerate() {
-                let lattice = Lattice { half: [half_z == 1, half[1], half[2]], ..counted.lattice };
-                let lowered = &mut self.ranks_counted;
-                if !self.columns.lower(&lattice, &counted.along_z[half_z], squares, lowered) {
-                    return false;
-                }
-                for (rank, counted) in ranks.iter_mut().zip(lowered) {
-                    *rank = T::from_square(diameter(rank.square(), counted.square(), *unit));
-                }
+            let Some(counted) = &mut self.counted else { continue };
+            if !counted.lower_columns(half, &xs, &mut self.ranks_counted) {
+                return false;
+            }
+            for (rank, counted) in ranks.iter_mut().zip(&self.ranks_counted) {
+                *rank = T::from_square(diameter(rank.square(), counted.square(), *unit));
             }
         }
         // Half-way to the next voxel is beside both; beyond an open border there is nothing.
@@ -324,36 +365,21 @@ impl<'a, T: Lane + Kept<T>> Work<'a, T> {
             T::raise(&mut ranks[last..], &half_way[last..]);
         }
         for (raised, ranks) in raised.chunks_mut(*nx).zip(ranks.chunks(LANES)) {
-            let ranks = &ranks[..end - x];
-            if half[2] {
-                let inside = end.min(nx - 1) - x;
-                T::raise(&mut raised[x..], &ranks[..inside]);
-                T::raise(&mut raised[x + 1..], &ranks[..inside]);
-                if boundary == Boundary::Periodic && end == *nx {
+            let ranks = &ranks[..xs.len()];
+            if half_x {
+                let inside = xs.end.min(nx - 1) - xs.start;
+                T::raise(&mut raised[xs.start..], &ranks[..inside]);
+                T::raise(&mut raised[xs.start + 1..], &ranks[..inside]);
+                if boundary == Boundary::Periodic && xs.end == *nx {
                     T::raise(&mut raised[nx - 1..], &ranks[inside..]);
                     T::raise(raised, &ranks[inside..]);
                 }
             } else {
-                T::raise(&mut raised[x..], ranks);
+                T::raise(&mut raised[xs.start..], ranks);
             }
         }
         true
     }
-}
-
-/// Writes squares in planes for a row along y; false if some cannot be kept.
-fn lower_rows<T: Lane + Kept<T>>(
-    rows: &mut Rows<T>,
-    passes: &Passes<T>,
-    half: [bool; 3],
-    [steps, beside]: [&[u16]; 2],
-    squares: &mut [T],
-) -> bool {
-    let lattice = Lattice { half, ..passes.lattice };
-    let along_x = &passes.along_x[usize::from(half[2])];
-    let both = steps.chunks(passes.nx).zip(beside.chunks(passes.nx));
-    both.zip(squares.chunks_mut(passes.nx))
-        .all(|((steps, beside), squares)| rows.lower([steps, beside], &lattice, along_x, squares))
 }
 
 /// The largest of some rows, or a value that is larger.
@@ -365,12 +391,8 @@ fn largest<T: Copy + PartialOrd>(rows: ArrayView2<'_, T>, most: T) -> T {
 /// Writes rows of [`LANES`] columns, of which there may be fewer.
 fn store<T: Copy>(lines: &[T], mut part: ArrayViewMut2<'_, T>) {
     for (mut row, line) in part.rows_mut().into_iter().zip(lines.chunks(LANES)) {
-        let Some(row) = row.as_slice_mut() else { continue };
-        if let (Ok(row), Some(line)) = (<&mut [T; LANES]>::try_from(&mut *row), line.first_chunk())
-        {
-            *row = *line;
-        } else {
-            row.copy_from_slice(&line[..row.len()]);
+        if let Some(row) = row.as_slice_mut() {
+            copy_lanes(line, row);
         }
     }
 }

@@ -100,14 +100,10 @@ impl<T: Lane + Default> Needed<T> {
     }
 
     /// Writes what is needed for each square of a row to `rows`, one for each kind.
-    pub(super) fn fill<'a>(&self, squares: &[T], rows: impl Iterator<Item = &'a mut [T]>)
-    where
-        T: 'a,
-    {
-        let mut rows: Vec<_> = rows.collect();
-        match (self, &mut rows[..]) {
+    pub(super) fn fill(&self, squares: &[T], rows: &mut [Vec<T>]) {
+        match (self, rows) {
             (Self::Cubes(table), [one, two, three]) => {
-                let needed = one.iter_mut().zip(two.iter_mut()).zip(three.iter_mut());
+                let needed = one.iter_mut().zip(two).zip(three);
                 for (((one, two), three), square) in needed.zip(squares) {
                     [*one, *two, *three] = table[square.whole() as usize / 4];
                 }
@@ -237,8 +233,8 @@ mod tests {
             let at = |i: usize| f64::from(voxel[i]) * space.size[i];
             let square = (0..3).map(|i| at(i) * at(i)).sum::<f64>();
             let needed = Needed::<f32>::new(&space, 1.7 * square as f32);
-            let mut rows = vec![[0.0f32]; needed.kinds()];
-            needed.fill(&[square as f32], rows.iter_mut().map(|row| &mut row[..]));
+            let mut rows = vec![vec![0.0f32]; needed.kinds()];
+            needed.fill(&[square as f32], &mut rows);
             let step = &space.steps.all[number];
             let found = f64::from(rows[needed.kind(step.axes())][0]);
             let exact = farthest(space.size, square * (1.0 - 1e-9), step.along);
@@ -253,8 +249,8 @@ mod tests {
             let space = Space::new([ratio, 1.0, 1.0], Boundary::Open);
             let needed = Needed::<f32>::new(&space, 1e8);
             prop_assert!(matches!(needed, Needed::Lengths(_)));
-            let mut rows = [[0.0f32]; KINDS];
-            needed.fill(&[square], rows.iter_mut().map(|row| &mut row[..]));
+            let mut rows = vec![vec![0.0f32]; KINDS];
+            needed.fill(&[square], &mut rows);
             let step = &space.steps.all[0];
             let exact = (square.sqrt() + step.square.sqrt()).powi(2);
             let found = rows[needed.kind(step.axes())][0];

@@ -75,14 +75,15 @@ struct Rows<T> {
     rank: [Vec<T>; 9],
     /// The squares of the balls that no neighbour's holds, 0 for the others.
     whole: Vec<T>,
+    /// What a neighbour's square must be at least, by the kind of the step to it.
+    needed: Vec<Vec<T>>,
     /// By the kind of the step to them.
     neighbours: Vec<Neighbours<T>>,
 }
 
 /// The neighbours of the voxels of a row by steps of one kind.
+#[derive(Clone)]
 struct Neighbours<T> {
-    /// What a neighbour's square must be at least.
-    needed: Vec<T>,
     /// The largest square of one that is as thick, 0 if none is; and the step to it.
     largest: Vec<T>,
     which: Vec<u8>,
@@ -98,9 +99,8 @@ impl<T: Lane + Kept<T>> Rows<T> {
             reach: padded(),
             rank: padded(),
             whole: row(),
-            neighbours: (0..kinds)
-                .map(|_| Neighbours { needed: row(), largest: row(), which: vec![0; width] })
-                .collect(),
+            needed: vec![row(); kinds],
+            neighbours: vec![Neighbours { largest: row(), which: vec![0; width] }; kinds],
         }
     }
 
@@ -171,7 +171,7 @@ impl<T: Lane + Kept<T>> Rows<T> {
         self.whole.copy_from_slice(&self.reach[middle][1..=width]);
         // A row that goes on in itself may have one more value after its end.
         self.whole[nx..].fill(T::default());
-        needed.fill(&self.whole, self.neighbours.iter_mut().map(|kind| &mut kind.needed[..]));
+        needed.fill(&self.whole, &mut self.needed);
         for neighbours in &mut self.neighbours {
             neighbours.largest.fill(T::default());
         }
@@ -185,7 +185,8 @@ impl<T: Lane + Kept<T>> Rows<T> {
             let step = &space.steps.all[number];
             let [dz, dy, dx] = step.along;
             let row = Self::place((dz + 1) as usize, y + (dy + 3) as usize);
-            let neighbours = &mut self.neighbours[needed.kind(step.axes())];
+            let kind = needed.kind(step.axes());
+            let neighbours = &mut self.neighbours[kind];
             for xs in parts.iter().filter(|xs| !xs.is_empty()).cloned() {
                 let own = xs.start + 1..xs.end + 1;
                 let others = own.start.strict_add_signed(dx as isize)..;
@@ -194,7 +195,7 @@ impl<T: Lane + Kept<T>> Rows<T> {
                     [&self.reach[row][others.clone()], &self.rank[row][others]],
                     later(step.along, xs.start),
                     [&mut self.whole[xs.clone()], &mut neighbours.largest[xs.clone()]],
-                    (&neighbours.needed[xs.clone()], &mut neighbours.which[xs], number as u8),
+                    (&self.needed[kind][xs.clone()], &mut neighbours.which[xs], number as u8),
                 );
             }
         }

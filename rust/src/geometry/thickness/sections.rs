@@ -33,7 +33,7 @@ pub(super) struct Discs {
     middle: i32,
     /// Rows of a disc.
     height: usize,
-    /// Squared distances, in units of cubes, of the balls whose sections are here.
+    /// The squares of the balls whose sections are here are less.
     below: u32,
 }
 
