@@ -13,6 +13,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::Settings;
+use super::compact::{Half, Long, single};
 use super::finest::Cycle;
 use super::links::{self, Conductances, Real, shared};
 use super::pore::PoreSpace;
@@ -36,7 +37,8 @@ pub struct Diffusion {
 
 /// Solves for the diffusion along axis 0.
 ///
-/// Peak memory: 40 bytes a percolating voxel besides the pore space.
+/// Peak memory: 15 bytes a percolating voxel besides the pore space, 25 where pores are so narrow that
+/// cubes have few voxels.
 pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) -> Result<Diffusion> {
     if space.is_empty() {
         return Ok(Diffusion {
@@ -50,23 +52,19 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
     let mut fluxes = cycle.links.fluxes(1.0, |_| 0.0);
     let mut energy = cycle.links.even_energy(&fluxes);
     let mut residual = cycle.links.sources(monitor);
-    let mut direction = vec![0.0f32; space.len()];
-    let (mut before, mut first) = (0.0, None);
+    let mut direction = vec![Half::default(); space.len()];
+    let (mut before, mut last, mut first) = (0.0, 1.0, None);
     let mut iterations = 0;
     let error = loop {
         monitor.check()?;
-        let square = space.parts.sum(|_, own| residual[own].iter().map(|r| r * r).sum());
-        if square == 0.0 {
+        let scale = cycle.run(|voxels, out| single(&residual[voxels], out), monitor);
+        if scale == 0.0 {
             break 0.0;
         }
-        // Single precision has no room for residuals of any size.
-        let scale = square.sqrt();
-        let shrink = scale.recip();
-        cycle.run(|voxel| (residual[voxel] * shrink) as f32, monitor);
-        let down = |vector: &[f32]| {
+        let down = |vector: &[Half]| {
             space.parts.sum(|_, own| {
                 let pairs = vector[own.clone()].iter().zip(&residual[own]);
-                pairs.map(|(&v, r)| f64::from(v) * r).sum()
+                pairs.map(|(v, r)| f64::from(v.get()) * r.get()).sum()
             })
         };
         let product = scale * down(&cycle.solution);
@@ -76,10 +74,11 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
         if error <= settings.tolerance || iterations == settings.iterations {
             break error;
         }
-        let ratio = if iterations == 0 { 0.0 } else { product / before };
+        // The direction is kept in the units of the last cycle.
+        let ratio = if iterations == 0 { 0.0 } else { product / before * last / scale };
         space.parts.map(&mut direction, monitor, |_, first, direction| {
-            for (d, &z) in direction.iter_mut().zip(&cycle.solution[first..]) {
-                *d = (scale * f64::from(z) + ratio * f64::from(*d)) as f32;
+            for (d, z) in direction.iter_mut().zip(&cycle.solution[first..]) {
+                *d = Half::new(z.get() + ratio as f32 * d.get());
             }
         });
         // The direction has been rounded: what follows is exact for it as it is.
@@ -89,16 +88,17 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
         }
         let length = slope / curvature;
         energy -= length * slope;
-        let added = cycle.links.fluxes(0.0, |voxel| f64::from(direction[voxel]));
+        let added = cycle.links.fluxes(0.0, |voxel| f64::from(direction[voxel].get()));
         for (flux, added) in fluxes.iter_mut().zip(added) {
             *flux += length * added;
         }
         space.parts.map(&mut residual, monitor, |rows, _, residual| {
             let outflow = cycle.links.outflow(rows, &direction);
             for (r, outflow) in residual.iter_mut().zip(outflow) {
-                *r -= length * outflow;
+                *r = Long::new(r.get() - length * outflow);
             }
         });
+        last = scale;
         before = product;
         iterations += 1;
     };
@@ -130,6 +130,8 @@ struct Problem<'a> {
     space: &'a PoreSpace,
     /// Conductance between neighbours along each axis.
     weights: [f64; 3],
+    /// The same in single precision.
+    single: [f32; 3],
     /// How many links each voxel has along the axes: in bits 0 to 2, one to inlet or outlet counting
     /// as two, bits 3 and 4, and the rest.
     degrees: Vec<u8>,
@@ -142,13 +144,13 @@ impl Conductances for Problem<'_> {
         self.space
     }
 
-    fn gather(&self, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f32>) {
+    fn gather(&self, rows: Range<usize>, values: &[Half], inflow: &mut Vec<f32>) {
         gather(self, rows, values, inflow);
     }
 
     #[inline(always)]
     fn after<T: Real>(&self, axis: usize, _: usize) -> T {
-        T::from_double(self.weights[axis])
+        T::either(self.single[axis], self.weights[axis])
     }
 
     // Half a voxel away.
@@ -163,22 +165,30 @@ impl Conductances for Problem<'_> {
     }
 
     #[inline(always)]
-    fn diagonal(&self, voxel: usize) -> f32 {
-        self.diagonals[usize::from(self.degrees[voxel])] as f32
+    fn diagonals(&self, voxels: Range<usize>, out: &mut Vec<f32>) {
+        let degrees = self.degrees[voxels].iter();
+        out.clear();
+        out.extend(degrees.map(|&degree| self.diagonals[usize::from(degree)] as f32));
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+popcnt"))]
-fn gather(problem: &Problem<'_>, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f32>) {
+#[multiversion(targets(
+    "x86_64+avx512f+avx512vl+popcnt+bmi1+bmi2",
+    "x86_64+avx2+popcnt+bmi1+bmi2"
+))]
+fn gather(problem: &Problem<'_>, rows: Range<usize>, values: &[Half], inflow: &mut Vec<f32>) {
     links::gather(problem, rows, values, inflow);
 }
 
 /// The same in double precision.
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+popcnt"))]
+#[multiversion(targets(
+    "x86_64+avx512f+avx512vl+popcnt+bmi1+bmi2",
+    "x86_64+avx2+popcnt+bmi1+bmi2"
+))]
 fn gather_exactly(
     problem: &Problem<'_>,
     rows: Range<usize>,
-    values: &[f32],
+    values: &[Half],
     inflow: &mut Vec<f64>,
 ) {
     links::gather(problem, rows, values, inflow);
@@ -186,37 +196,43 @@ fn gather_exactly(
 
 impl<'a> Problem<'a> {
     fn new(space: &'a PoreSpace, settings: &Settings, monitor: &Monitor<'_>) -> Self {
+        let with = |weights: [f64; 3], degrees, diagonals| Self {
+            space,
+            weights,
+            single: weights.map(|weight| weight as f32),
+            degrees,
+            diagonals,
+        };
         // Links are counted as conductances that do not add up to each other.
-        let (degrees, diagonals) = (Vec::new(), Vec::new());
-        let counted = Self { space, weights: [1.0, 8.0, 32.0], degrees, diagonals };
-        let degrees = links::diagonals(&counted, |sum| sum as u8, monitor);
+        let counted = with([1.0, 8.0, 32.0], Vec::new(), Vec::new());
+        let degrees = links::all_diagonals(&counted, |sum| sum as u8, monitor);
         let [h, ..] = settings.spacing;
         let weights = settings.spacing.map(|s| (h / s).powi(2));
         let sum = |degree: u8| {
             let counts = [degree & 7, degree >> 3 & 3, degree >> 5];
             counts.iter().zip(&weights).map(|(&n, weight)| f64::from(n) * weight).sum()
         };
-        Self { space, degrees, diagonals: (0..=u8::MAX).map(sum).collect(), weights }
+        with(weights, degrees, (0..=u8::MAX).map(sum).collect())
     }
 
     /// What flows to each voxel when χ is 0.
-    fn sources(&self, monitor: &Monitor<'_>) -> Vec<f64> {
+    fn sources(&self, monitor: &Monitor<'_>) -> Vec<Long> {
         let space = self.space;
-        let mut sources = vec![0.0; space.len()];
+        let mut sources = vec![Long::default(); space.len()];
         space.parts.map(&mut sources, monitor, |rows, first, sources| {
             for (after, flow) in [(false, self.weights[0]), (true, -self.weights[0])] {
                 for row in rows.clone().filter(|&row| space.open_ends(row)[usize::from(after)]) {
                     let voxels = space.voxels_of(row..row + 1);
                     let all = &mut sources[voxels.start - first..voxels.end - first];
                     for source in all {
-                        *source += flow;
+                        *source = Long::new(source.get() + flow);
                     }
                 }
                 for (piece, beside) in space.beside(rows.clone(), 0, after) {
                     let others = space.bits_of(beside..beside + piece.len());
                     for (voxel, _, length) in shared(space.bits_of(piece), others) {
                         for source in &mut sources[voxel - first..][..length] {
-                            *source += flow;
+                            *source = Long::new(source.get() + flow);
                         }
                     }
                 }
@@ -266,21 +282,21 @@ impl<'a> Problem<'a> {
     }
 
     /// What flows from the voxels of some rows: those of the matrix times χ.
-    fn outflow(&self, rows: Range<usize>, chi: &[f32]) -> Vec<f64> {
+    fn outflow(&self, rows: Range<usize>, chi: &[Half]) -> Vec<f64> {
         let mut flow = Vec::new();
         gather_exactly(self, rows.clone(), chi, &mut flow);
         for (flow, voxel) in flow.iter_mut().zip(self.space.voxels_of(rows)) {
             let diagonal = self.diagonals[usize::from(self.degrees[voxel])];
-            *flow = diagonal * f64::from(chi[voxel]) - *flow;
+            *flow = diagonal * f64::from(chi[voxel].get()) - *flow;
         }
         flow
     }
 
     /// χᵀ A χ.
-    fn energy(&self, chi: &[f32]) -> f64 {
+    fn energy(&self, chi: &[Half]) -> f64 {
         self.space.parts.sum(|rows, own| {
             let outflow = self.outflow(rows, chi);
-            chi[own].iter().zip(outflow).map(|(&own, outflow)| f64::from(own) * outflow).sum()
+            chi[own].iter().zip(outflow).map(|(own, outflow)| f64::from(own.get()) * outflow).sum()
         })
     }
 }

@@ -2,18 +2,20 @@
 //!
 //! [`pore::PoreSpace`] numbers the voxels that carry a flow from face to face and says which touch;
 //! [`links`] is how well they conduct. [`diffusion`] and [`stokes`] solve for what flows there, helped
-//! by a multigrid cycle, [`finest`] and [`multigrid`]. The flow goes along axis 0 of the views: callers
-//! permute the axes. No solution is kept, only what is asked of it, and nothing that follows from the
-//! bits of the pore space: memory is what limits the volumes that can be solved.
+//! by a multigrid cycle, [`finest`], [`cubes`] and [`multigrid`]. The flow goes along axis 0 of the views:
+//! callers permute the axes. No solution is kept, only what is asked of it, nothing that follows from the
+//! bits of the pore space, and what only helps in [`compact`] numbers: memory is what limits the volumes
+//! that can be solved.
 
 mod chebyshev;
+mod compact;
+mod cubes;
 pub mod diffusion;
 mod finest;
 mod links;
 mod multigrid;
 pub mod pore;
 pub mod stokes;
-
 mod vectors;
 
 /// How to measure.

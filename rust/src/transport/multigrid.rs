@@ -2,9 +2,10 @@
 //!
 //! Nodes of a cube of 2³ that hang together inside it make one node of the next level, and the
 //! conductances between them add up: piecewise constant interpolation. It is too stiff by a
-//! factor near 2, for which the correction is multiplied (Braess 1995). The coarsest level has one
-//! node a component. Smoothing is a Chebyshev polynomial, so that the cycle is one symmetric
-//! positive operator, whatever the number of threads.
+//! factor near 2, for which the correction is multiplied (Braess 1995), and too coarse for one cycle to
+//! solve well: each level asks the next one twice (W-cycle), which costs little where a level has an
+//! eighth of the nodes. The coarsest level has one node a component. Smoothing is a Chebyshev
+//! polynomial, so that the cycle is one symmetric positive operator, whatever the number of threads.
 
 use rayon::prelude::*;
 
@@ -15,11 +16,14 @@ use crate::monitor::Monitor;
 use crate::volume::{Shape, index, position};
 
 /// What the correction of a coarse level is multiplied by.
-pub(super) const OVERCORRECTION: f32 = 1.8;
+const OVERCORRECTION: f32 = 1.8;
 /// Degree of the Chebyshev smoother, before and after the coarse correction.
-pub(super) const DEGREE: usize = 2;
+const DEGREE: usize = 2;
 /// Eigenvalues of D⁻¹A that the smoother damps: a coarse level sees those below.
-pub(super) const SMOOTHED: [f32; 2] = [0.33, 2.0];
+const SMOOTHED: [f32; 2] = [0.33, 2.0];
+
+/// Times that a level's equations are gone through.
+const CYCLES: usize = 2;
 
 /// Conductances between nodes, and from nodes to the ground.
 pub(super) struct Graph {
@@ -161,30 +165,32 @@ impl Multigrid {
     }
 }
 
-/// One V-cycle for the first of `levels`; the right side and the solution are in the first room.
+/// Solves roughly for the first of `levels`; the right side and the solution are in the first room.
 fn cycle(levels: &[Level], rooms: &mut [Room], monitor: &Monitor<'_>) {
     let ([level, below @ ..], [room, rooms @ ..]) = (levels, rooms) else { return };
-    let Some(next) = rooms.first_mut() else {
+    if below.is_empty() {
         // Its nodes have no links.
         level.step(room, (0.0, 1.0), true, monitor);
         return;
-    };
-    level.smooth(room, true, monitor);
-    level.residual(room, monitor);
-    let residual = &room.other;
-    for_chunks(&mut next.right, monitor, |first, right| {
-        for (i, right) in right.iter_mut().enumerate() {
-            *right = level.children_of(first + i).iter().map(|&c| residual[c as usize]).sum();
-        }
-    });
-    cycle(below, rooms, monitor);
-    let correction = &rooms[0].solution;
-    for_chunks(&mut room.solution, monitor, |first, solution| {
-        for (x, &parent) in solution.iter_mut().zip(&level.parents[first..]) {
-            *x += OVERCORRECTION * correction[parent as usize];
-        }
-    });
-    level.smooth(room, false, monitor);
+    }
+    for k in 0..CYCLES {
+        level.smooth(room, k == 0, monitor);
+        level.residual(room, monitor);
+        let residual = &room.other;
+        for_chunks(&mut rooms[0].right, monitor, |first, right| {
+            for (i, right) in right.iter_mut().enumerate() {
+                *right = level.children_of(first + i).iter().map(|&c| residual[c as usize]).sum();
+            }
+        });
+        cycle(below, rooms, monitor);
+        let correction = &rooms[0].solution;
+        for_chunks(&mut room.solution, monitor, |first, solution| {
+            for (x, &parent) in solution.iter_mut().zip(&level.parents[first..]) {
+                *x += OVERCORRECTION * correction[parent as usize];
+            }
+        });
+        level.smooth(room, false, monitor);
+    }
 }
 
 impl Room {

@@ -37,7 +37,7 @@ pub struct Flow {
 
 /// Solves for the flow along axis 0.
 ///
-/// Peak memory: 150 bytes a percolating voxel besides the pore space.
+/// Peak memory: 125 bytes a percolating voxel besides the pore space.
 pub fn flow(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) -> Result<Flow> {
     let still = Flow { permeability: 0.0, flux_mismatch: 0.0, residual: 0.0, iterations: 0 };
     if space.is_empty() {

@@ -14,6 +14,7 @@ use super::grid::{Grid, PRESSURE, Unknowns};
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::transport::chebyshev;
+use crate::transport::compact::Half;
 use crate::transport::finest::Cycle;
 use crate::transport::links::{self, Conductances, Real};
 use crate::transport::pore::PoreSpace;
@@ -51,11 +52,15 @@ impl<'a> Preconditioner<'a> {
         monitor: &Monitor<'_>,
     ) {
         self.velocities(grid, r, z, monitor);
-        self.pressures.run(|voxel| r[voxel][PRESSURE], monitor);
+        let right = |voxels: Range<usize>, out: &mut Vec<f32>| {
+            out.clear();
+            out.extend(r[voxels].iter().map(|r| r[PRESSURE]));
+        };
+        let scale = self.pressures.run(right, monitor) as f32;
         let pressures = &self.pressures.solution;
         for_chunks(&mut z[..pressures.len()], monitor, |first, z| {
             for (i, z) in z.iter_mut().enumerate() {
-                z[PRESSURE] = r[first + i][PRESSURE] + pressures[first + i];
+                z[PRESSURE] = r[first + i][PRESSURE] + scale * pressures[first + i].get();
             }
         });
     }
@@ -119,7 +124,7 @@ impl<'a> Darcy<'a> {
             inlet: along(0, before),
             diagonals: Vec::new(),
         };
-        darcy.diagonals = links::diagonals(&darcy, |sum| sum, monitor);
+        darcy.diagonals = links::all_diagonals(&darcy, |sum| sum, monitor);
         darcy
     }
 }
@@ -129,7 +134,7 @@ impl Conductances for Darcy<'_> {
         self.space
     }
 
-    fn gather(&self, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f32>) {
+    fn gather(&self, rows: Range<usize>, values: &[Half], inflow: &mut Vec<f32>) {
         gather(self, rows, values, inflow);
     }
 
@@ -149,13 +154,17 @@ impl Conductances for Darcy<'_> {
     }
 
     #[inline(always)]
-    fn diagonal(&self, voxel: usize) -> f32 {
-        self.diagonals[voxel]
+    fn diagonals(&self, voxels: Range<usize>, out: &mut Vec<f32>) {
+        out.clear();
+        out.extend_from_slice(&self.diagonals[voxels]);
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+popcnt"))]
-fn gather(darcy: &Darcy<'_>, rows: Range<usize>, values: &[f32], inflow: &mut Vec<f32>) {
+#[multiversion(targets(
+    "x86_64+avx512f+avx512vl+popcnt+bmi1+bmi2",
+    "x86_64+avx2+popcnt+bmi1+bmi2"
+))]
+fn gather(darcy: &Darcy<'_>, rows: Range<usize>, values: &[Half], inflow: &mut Vec<f32>) {
     links::gather(darcy, rows, values, inflow);
 }
 
