@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from poresynth.engines.images import Images, as_images
+from poresynth.engines.mode_choice import dead_ends_a_loop
 from poresynth.engines.model_choice import near_models
 from poresynth.engines.point_models import PointModel, models, nearest, points
 from poresynth.engines.solid_parameters import SolidParameters
@@ -78,6 +79,21 @@ def test_what_no_model_is_like_is_far_from_all() -> None:
     near = near_models(images, 3)
     assert len(near) == 3
     assert near[0][1] == min(error for _, error in near) > 40
+
+
+def test_dead_ends_are_counted_by_the_loops() -> None:
+    network = np.zeros((24, 24, 24), bool)
+    assert dead_ends_a_loop(network) == 0
+    # Three struts that meet in a node, each back to itself through the border: χ = 1 − 3.
+    network[11:14, 11:14] = network[11:14, :, 11:14] = network[:, 11:14, 11:14] = True
+    assert dead_ends_a_loop(network) == 0
+    network[11:14, 3:10, 3:6] = True
+    network[11:14, 3:6, 3:12] = True
+    assert dead_ends_a_loop(network) == 0.5
+    # A strut alone has two ends, and no loop.
+    network[:] = False
+    network[11:14, 11:14, 4:20] = True
+    assert dead_ends_a_loop(network) == 2
 
 
 def test_models_say_what_they_are() -> None:
