@@ -1,7 +1,7 @@
 """Volumes made from images whose material is known whole, and solids from colour images.
 
-    python benches/python/images.py [WORD …] [--seeds 3] [--preset-seeds 1] [--edge 128]
-                                    [--runs one three cells cells_three prieto kopf chen_wang]
+    python benches/python/images.py [WORD …] [--runs one three prieto kopf chen_wang]
+                                    [--seeds 3] [--preset-seeds 1] [--edge 128]
 
 A word is a part of a title: of a material (bone, Berea, …), of a colour image ("colour" takes all),
 "speed" or "pictures"; all without a word. The procedural materials always run, scans and images if
@@ -36,8 +36,7 @@ def measured(words: list[str], options: argparse.Namespace) -> Iterator[dict[str
     }
     for truth in truths(words):
         for name in options.runs:
-            if RUNS[name].serves(truth.title):
-                yield materials.measure(truth, name, edge, seeds[name])
+            yield materials.measure(truth, name, edge, seeds[name])
     for title, image in colours.images(words):
         for name in options.runs:
             if name in colours.METHODS:
@@ -75,7 +74,7 @@ def show_pictures() -> None:
     ]
     lines.append(
         "One pixel a voxel. Struts of bone come out clumpy, its surfaces and those of Ketton "
-        "limestone too rough, and Ketton's round grains are lost unless cells are asked for. "
+        "limestone too rough, and pores of cement are no rounder than they happen to be. "
         "`python benches/python/images.py pictures`"
     )
     update_readme("images_pictures", "\n\n".join(lines))

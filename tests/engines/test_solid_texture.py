@@ -12,6 +12,7 @@ from scipy import ndimage
 from poresynth import _core
 from poresynth.engines import mode_choice
 from poresynth.engines.image_fields import agreed
+from poresynth.engines.point_models import PointModel
 from poresynth.engines.roughness import interface_density, smoothing_like
 from poresynth.engines.solid_texture import SolidTexture
 from poresynth.errors import FileError, ParameterError
@@ -203,6 +204,18 @@ def test_without_a_named_mode_the_better_slices_decide(
     else:
         assert engine.mode_ == "responses", "a trial with neighbourhoods could not be better"
         assert "structured" not in engine.mode_reason_
+
+
+def test_pores_between_grains_start_from_cells_and_those_of_a_random_field_do_not() -> None:
+    grains = PointModel("edges and faces of cells", -1, 24, 1).field((48, 128, 128), 1, 1)[0, 24]
+    noise = np.random.default_rng(0).standard_normal((128, 128))
+    field = ndimage.gaussian_filter(noise, 4, mode="wrap")
+    modes = []
+    for values in (grains, field):
+        engine = SolidTexture().fit(values > np.quantile(values, 0.13))
+        modes.append(engine.mode_)
+        assert ("holds pores together" in engine.mode_reason_) == (engine.mode_ == "cells")
+    assert modes == ["cells", "responses"]
 
 
 def struts() -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from poresynth.engines.solid_texture import SolidTexture
@@ -14,42 +14,16 @@ from poresynth.volume import Volume
 
 @dataclass(frozen=True)
 class Run:
-    """What is done with the images of a material.
-
-    Parameters
-    ----------
-    title : str
-        How the table names it.
-    preset : str
-        Preset of the engine.
-    images : int
-        Slices that are given to it.
-    only : str
-        The one material that it is for; all if empty.
-    parameters : dict of str to str
-        More of the engine's parameters, given by name.
-    """
+    """What is done with the images of a material."""
 
     title: str
     preset: str
     images: int = 1
-    only: str = ""
-    parameters: dict[str, str] = field(default_factory=dict)
 
-    def serves(self, material: str) -> bool:
-        """Whether it is for a material."""
-        return self.only in ("", material)
-
-
-# Packed grains, for whose pores the mode is not taken by itself.
-PACKED = "Ketton limestone ÷ 2"
-CELLS = {"mode": "cells"}
 
 RUNS = {
     "one": Run("quality, one slice", "quality"),
     "three": Run("quality, three slices", "quality", images=3),
-    "cells": Run("quality, `mode=cells`, one slice", "quality", 1, PACKED, CELLS),
-    "cells_three": Run("quality, `mode=cells`, three slices", "quality", 3, PACKED, CELLS),
     "prieto": Run("prieto, one slice", "prieto"),
     "kopf": Run("kopf, one slice", "kopf"),
     "chen_wang": Run("chen_wang, one slice", "chen_wang"),

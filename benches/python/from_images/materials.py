@@ -41,7 +41,7 @@ SEVEN = {
 def make(truth: Truth, run: Run, edge: int, seeds: int) -> tuple[Slices, Made]:
     """Choose the slices of a material, and make volumes of them."""
     slices = truth.slices(run.images)
-    given: dict[str, Any] = {"preset": run.preset, **run.parameters}
+    given: dict[str, Any] = {"preset": run.preset}
     if connected(truth.title, run):
         given["connected"] = "solid"
     return slices, synthesise([*slices.images.values()], edge, seeds, **given)

@@ -17,7 +17,7 @@ from poresynth.report.slices import gray_window
 from poresynth.volume import Volume
 
 from . import colours
-from .making import RUNS, Run, synthesise
+from .making import RUNS, synthesise
 from .materials import make
 from .truths import Truth, truths
 
@@ -36,11 +36,7 @@ Row = tuple[str, list[Picture]]
 
 def draw_all(edge: int) -> None:
     """Make a volume of each material and of each image, and draw the two pages."""
-    runs = (RUNS["one"], RUNS["cells"])
-    known = truths([""])
-    rows = [
-        material_row(truth, run, edge) for truth in known for run in runs if run.serves(truth.title)
-    ]
+    rows = [material_row(truth, edge) for truth in truths([""])]
     heads = ["image", *(f"new, across {a}" for a in SECTION_AXES), "new, diagonal", "the original"]
     save_picture(MATERIALS, draw(heads, rows))
     rows = [colour_row(title, image, edge) for title, image in colours.images([""])]
@@ -49,15 +45,14 @@ def draw_all(edge: int) -> None:
         save_picture(COLOURS, draw(heads, rows))
 
 
-def material_row(truth: Truth, run: Run, edge: int) -> Row:
+def material_row(truth: Truth, edge: int) -> Row:
     """The slice, what is made of it, and the slice of the original that was not shown to it."""
-    slices, made = make(truth, run, edge, seeds=1)
+    slices, made = make(truth, RUNS["one"], edge, seeds=1)
     image = next(iter(slices.images.values()))
     window = gray_window(truth.volume.array)
     middle = truth.volume.array[truth.volume.shape[0] // 2]
     shown = [image.array[0], *_sections(made.volumes[0]), middle]
-    by_name = ", ".join(["", *(f"{name}={value}" for name, value in run.parameters.items())])
-    return truth.title + by_name, [_rgb(picture, window) for picture in shown]
+    return truth.title, [_rgb(picture, window) for picture in shown]
 
 
 def colour_row(title: str, image: Volume, edge: int) -> Row:

@@ -18,7 +18,7 @@ from poresynth.metrics.slice_statistics import (
     window_statistics,
 )
 
-__all__ = ["near_models"]
+__all__ = ["mean_period", "near_models"]
 
 SHARES = np.geomspace(0.4, 1.05, 8)
 """Spacings of the points that are tried, in mean distances from one strut to the next on a line."""
@@ -64,9 +64,7 @@ def near_models(images: Images, count: int) -> list[tuple[PointModel, float]]:
     wanted = normalised(own.two_point, own.two_point[0])
     share = 1 - images.phases.porosity
     sign = 1 if share <= 0.5 else -1
-    # From a surface to the next but one on a line.
-    changes = [(s[:, 1:] != s[:, :-1]).mean() + (s[..., 1:] != s[..., :-1]).mean() for s in solids]
-    period = 4 / float(np.mean(changes))
+    period = mean_period(images)
     box, at = np.full(3, float(edge)), _planes(edge)
     found = []
     for spacing in SHARES * period:
@@ -82,6 +80,13 @@ def near_models(images: Images, count: int) -> list[tuple[PointModel, float]]:
     found.sort(key=lambda entry: entry[0])
     measured = [(model, (off + _error(own, solid)) / 2) for off, model, solid in found[:_MEASURED]]
     return sorted(measured, key=lambda entry: entry[1])[:count]
+
+
+def mean_period(images: Images) -> float:
+    """Return the mean distance on a line from a surface to the next but one, pixels."""
+    solids = images.solids().values()
+    changes = [(s[:, 1:] != s[:, :-1]).mean() + (s[..., 1:] != s[..., :-1]).mean() for s in solids]
+    return 4 / float(np.mean(changes))
 
 
 def _planes(edge: int) -> npt.NDArray[np.float64]:
