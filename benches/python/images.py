@@ -74,7 +74,7 @@ def show_pictures() -> None:
     ]
     lines.append(
         "One pixel a voxel. Struts of bone come out clumpy, its surfaces and those of Ketton "
-        "limestone too rough, and pores of cement are no rounder than they happen to be. "
+        "limestone too rough, and pores of cement paste are not round. "
         "`python benches/python/images.py pictures`"
     )
     update_readme("images_pictures", "\n\n".join(lines))
