@@ -7,7 +7,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::links::{self, Conductances};
-use super::multigrid::Graph;
+use super::multigrid::{Graph, add_link};
 use super::pore::PoreSpace;
 use super::vectors::{CHUNK, Parts};
 use crate::bits::WORD;
@@ -118,10 +118,7 @@ impl Cubes {
                         continue;
                     }
                     let conductance = links.after::<f32>(axis, if after { voxel } else { other });
-                    match found[first..].iter_mut().find(|(known, _)| *known as usize == end) {
-                        Some((_, sum)) => *sum += conductance,
-                        None => found.push((end as u32, conductance)),
-                    }
+                    add_link(found, first, (end as u32, conductance));
                 }
             }
         };

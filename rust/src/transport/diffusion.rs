@@ -9,11 +9,12 @@
 
 use std::ops::Range;
 
+use half::f16;
 use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::Settings;
-use super::compact::{Half, Long, single};
+use super::compact::{Long, narrow, single, widen};
 use super::finest::Cycle;
 use super::links::{self, Conductances, Real, shared};
 use super::pore::PoreSpace;
@@ -52,7 +53,7 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
     let mut fluxes = cycle.links.fluxes(1.0, |_| 0.0);
     let mut energy = cycle.links.even_energy(&fluxes);
     let mut residual = cycle.links.sources(monitor);
-    let mut direction = vec![Half::default(); space.len()];
+    let mut direction = vec![f16::ZERO; space.len()];
     let (mut before, mut last, mut first) = (0.0, 1.0, None);
     let mut iterations = 0;
     let error = loop {
@@ -61,10 +62,11 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
         if scale == 0.0 {
             break 0.0;
         }
-        let down = |vector: &[Half]| {
+        let down = |vector: &[f16]| {
             space.parts.sum(|_, own| {
-                let pairs = vector[own.clone()].iter().zip(&residual[own]);
-                pairs.map(|(v, r)| f64::from(v.get()) * r.get()).sum()
+                let mut values = Vec::new();
+                widen(&vector[own.clone()], &mut values);
+                values.iter().zip(&residual[own]).map(|(&v, r)| f64::from(v) * r.get()).sum()
             })
         };
         let product = scale * down(&cycle.solution);
@@ -77,9 +79,13 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
         // The direction is kept in the units of the last cycle.
         let ratio = if iterations == 0 { 0.0 } else { product / before * last / scale };
         space.parts.map(&mut direction, monitor, |_, first, direction| {
-            for (d, z) in direction.iter_mut().zip(&cycle.solution[first..]) {
-                *d = Half::new(z.get() + ratio as f32 * d.get());
+            let (mut new, mut old) = (Vec::new(), Vec::new());
+            widen(&cycle.solution[first..first + direction.len()], &mut new);
+            widen(direction, &mut old);
+            for (new, old) in new.iter_mut().zip(old) {
+                *new += ratio as f32 * old;
             }
+            narrow(&mut new, direction);
         });
         // The direction has been rounded: what follows is exact for it as it is.
         let (slope, curvature) = (down(&direction), cycle.links.energy(&direction));
@@ -88,7 +94,7 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
         }
         let length = slope / curvature;
         energy -= length * slope;
-        let added = cycle.links.fluxes(0.0, |voxel| f64::from(direction[voxel].get()));
+        let added = cycle.links.fluxes(0.0, |voxel| direction[voxel].to_f64());
         for (flux, added) in fluxes.iter_mut().zip(added) {
             *flux += length * added;
         }
@@ -144,7 +150,7 @@ impl Conductances for Problem<'_> {
         self.space
     }
 
-    fn gather(&self, rows: Range<usize>, values: &[Half], inflow: &mut Vec<f32>) {
+    fn gather(&self, rows: Range<usize>, values: &[f16], inflow: &mut Vec<f32>) {
         gather(self, rows, values, inflow);
     }
 
@@ -153,7 +159,7 @@ impl Conductances for Problem<'_> {
         T::either(self.single[axis], self.weights[axis])
     }
 
-    // Half a voxel away.
+    // f16 a voxel away.
     #[inline(always)]
     fn inlet(&self, _: usize) -> f32 {
         2.0 * self.weights[0] as f32
@@ -176,7 +182,7 @@ impl Conductances for Problem<'_> {
     "x86_64+avx512f+avx512vl+popcnt+bmi1+bmi2",
     "x86_64+avx2+popcnt+bmi1+bmi2"
 ))]
-fn gather(problem: &Problem<'_>, rows: Range<usize>, values: &[Half], inflow: &mut Vec<f32>) {
+fn gather(problem: &Problem<'_>, rows: Range<usize>, values: &[f16], inflow: &mut Vec<f32>) {
     links::gather(problem, rows, values, inflow);
 }
 
@@ -188,7 +194,7 @@ fn gather(problem: &Problem<'_>, rows: Range<usize>, values: &[Half], inflow: &m
 fn gather_exactly(
     problem: &Problem<'_>,
     rows: Range<usize>,
-    values: &[Half],
+    values: &[f16],
     inflow: &mut Vec<f64>,
 ) {
     links::gather(problem, rows, values, inflow);
@@ -282,21 +288,23 @@ impl<'a> Problem<'a> {
     }
 
     /// What flows from the voxels of some rows: those of the matrix times χ.
-    fn outflow(&self, rows: Range<usize>, chi: &[Half]) -> Vec<f64> {
+    fn outflow(&self, rows: Range<usize>, chi: &[f16]) -> Vec<f64> {
         let mut flow = Vec::new();
         gather_exactly(self, rows.clone(), chi, &mut flow);
-        for (flow, voxel) in flow.iter_mut().zip(self.space.voxels_of(rows)) {
-            let diagonal = self.diagonals[usize::from(self.degrees[voxel])];
-            *flow = diagonal * f64::from(chi[voxel].get()) - *flow;
+        let voxels = self.space.voxels_of(rows);
+        let mut own = Vec::new();
+        widen(&chi[voxels.clone()], &mut own);
+        for ((flow, own), &degree) in flow.iter_mut().zip(own).zip(&self.degrees[voxels]) {
+            *flow = self.diagonals[usize::from(degree)] * f64::from(own) - *flow;
         }
         flow
     }
 
     /// χᵀ A χ.
-    fn energy(&self, chi: &[Half]) -> f64 {
+    fn energy(&self, chi: &[f16]) -> f64 {
         self.space.parts.sum(|rows, own| {
             let outflow = self.outflow(rows, chi);
-            chi[own].iter().zip(outflow).map(|(own, outflow)| f64::from(own.get()) * outflow).sum()
+            chi[own].iter().zip(outflow).map(|(own, outflow)| own.to_f64() * outflow).sum()
         })
     }
 }

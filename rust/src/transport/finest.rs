@@ -6,10 +6,11 @@
 
 use std::ops::Range;
 
+use half::f16;
 use multiversion::multiversion;
 
 use super::chebyshev;
-use super::compact::{Half, narrow, widen};
+use super::compact::{narrow, widen};
 use super::cubes::{Cubes, Names};
 use super::links::Conductances;
 use super::multigrid::Multigrid;
@@ -35,8 +36,8 @@ pub(super) struct Cycle<C> {
     cubes: Cubes,
     coarse: Multigrid,
     /// What the cycle found.
-    pub solution: Vec<Half>,
-    other: Vec<Half>,
+    pub solution: Vec<f16>,
+    other: Vec<f16>,
 }
 
 impl<C: Conductances> Cycle<C> {
@@ -47,7 +48,7 @@ impl<C: Conductances> Cycle<C> {
         let places = cubes.places();
         let graph = cubes.graph(&links, &places, monitor)?;
         let coarse = Multigrid::new(graph, places, cubes.shape, monitor)?;
-        let zeros = vec![Half::default(); space.len()];
+        let zeros = vec![f16::ZERO; space.len()];
         Ok(Self { links, cubes, coarse, solution: zeros.clone(), other: zeros })
     }
 
@@ -67,7 +68,7 @@ impl<C: Conductances> Cycle<C> {
         });
         let scale = (square / space.len() as f64).sqrt() / TYPICAL;
         if scale == 0.0 {
-            self.solution.fill(Half::default());
+            self.solution.fill(f16::ZERO);
             return scale;
         }
         let right = |voxels: Range<usize>, out: &mut Vec<f32>| {
@@ -117,7 +118,7 @@ impl<C: Conductances> Cycle<C> {
                     values = rest;
                 });
             }
-            narrow(&x, solution);
+            narrow(&mut x, solution);
         });
         self.smooth(&right, false, monitor);
         scale
@@ -135,7 +136,7 @@ impl<C: Conductances> Cycle<C> {
         for (k, factors) in chebyshev::factors::<DEGREE>(SMOOTHED).into_iter().enumerate() {
             let zero = k == 0 && from_zero;
             if zero {
-                solution.fill(Half::default());
+                solution.fill(f16::ZERO);
             }
             links.space().parts.map(other, monitor, |rows, first, other| {
                 let voxels = first..first + other.len();
@@ -151,7 +152,7 @@ impl<C: Conductances> Cycle<C> {
                 widen(&solution[voxels], &mut x);
                 widen(other, &mut new);
                 step([&b, &inflow, &diagonal, &x], factors, &mut new);
-                narrow(&new, other);
+                narrow(&mut new, other);
             });
             std::mem::swap(solution, other);
         }

@@ -5,7 +5,9 @@
 
 use std::ops::Range;
 
-use super::compact::{Half, widen_inline};
+use half::f16;
+
+use super::compact::widen;
 use super::pore::{PoreSpace, Rows};
 use crate::bits::WORD;
 use crate::monitor::Monitor;
@@ -16,7 +18,7 @@ pub(super) trait Conductances: Sync {
     /// The pore space.
     fn space(&self) -> &PoreSpace;
     /// [`gather`] with the widest instructions of the processor.
-    fn gather(&self, rows: Range<usize>, values: &[Half], inflow: &mut Vec<f32>);
+    fn gather(&self, rows: Range<usize>, values: &[f16], inflow: &mut Vec<f32>);
     /// Conductance from a voxel to the next along an axis.
     fn after<T: Real>(&self, axis: usize, voxel: usize) -> T;
     /// Conductance from a voxel of the first plane of an open volume to the inlet.
@@ -31,6 +33,7 @@ pub(super) trait Conductances: Sync {
 pub(super) trait Real:
     Copy + Default + std::ops::AddAssign + std::ops::Mul<Output = Self>
 {
+    /// The one of a number's two forms that is this.
     fn either(single: f32, double: f64) -> Self;
     fn from_single(value: f32) -> Self;
 }
@@ -73,7 +76,7 @@ pub(super) fn all_diagonals<T: Send + Clone + Default>(
     monitor: &Monitor<'_>,
 ) -> Vec<T> {
     let space = links.space();
-    let ones = vec![Half::new(1.0); space.len()];
+    let ones = vec![f16::from_f32(1.0); space.len()];
     let mut diagonals = vec![T::default(); space.len()];
     space.parts.map(&mut diagonals, monitor, |rows, first, diagonals| {
         let mut inflow = Vec::new();
@@ -93,7 +96,7 @@ pub(super) fn all_diagonals<T: Send + Clone + Default>(
 pub(super) fn gather<T: Real>(
     links: &impl Conductances,
     rows: Range<usize>,
-    values: &[Half],
+    values: &[f16],
     inflow: &mut Vec<T>,
 ) {
     let space = links.space();
@@ -110,7 +113,7 @@ pub(super) fn gather<T: Real>(
                 }
                 let beside = beside..beside + piece.len();
                 let range = space.voxels_of(beside.clone());
-                widen_inline(&values[range.clone()], &mut wide);
+                widen(&values[range.clone()], &mut wide);
                 for (voxel, other, length) in shared(space.bits_of(piece), space.bits_of(beside)) {
                     let owner = if after { voxel } else { other };
                     let inflow = &mut inflow[voxel - voxels.start..];
@@ -119,7 +122,7 @@ pub(super) fn gather<T: Real>(
             }
         }
     }
-    widen_inline(&values[voxels.clone()], &mut wide);
+    widen(&values[voxels.clone()], &mut wide);
     for (voxel, _, length) in pairs(space.bits_of(rows.clone())) {
         let (at, end) = (voxel - voxels.start, voxel - voxels.start + length);
         add(&mut inflow[at..], &wide[at + 1..=end], links, 2, voxel);
@@ -259,7 +262,7 @@ mod tests {
             self.0
         }
 
-        fn gather(&self, rows: Range<usize>, values: &[Half], inflow: &mut Vec<f32>) {
+        fn gather(&self, rows: Range<usize>, values: &[f16], inflow: &mut Vec<f32>) {
             gather(self, rows, values, inflow);
         }
 
@@ -323,8 +326,8 @@ mod tests {
     fn runs_gather_what_single_links_do() {
         for space in spaces() {
             let links = Uneven(&space);
-            let values: Vec<Half> =
-                (0..space.len()).map(|i| Half::new(Key::new(3).unit(i as u64))).collect();
+            let values: Vec<f16> =
+                (0..space.len()).map(|i| f16::from_f32(Key::new(3).unit(i as u64))).collect();
             let mut inflow = Vec::new();
             // All rows at once, and row by row.
             links.gather(0..space.rows(), &values, &mut inflow);
@@ -336,7 +339,7 @@ mod tests {
                 for x in 0..space.shape[2] {
                     let Some(voxel) = space.number([row, x]) else { continue };
                     let each = neighbours(&links, [row, x]);
-                    let expected: f32 = each.map(|(c, other)| c * values[other].get()).sum();
+                    let expected: f32 = each.map(|(c, other)| c * values[other].to_f32()).sum();
                     assert!((inflow[voxel] - expected).abs() < 1e-5, "{:?}", space.shape);
                 }
             }
@@ -362,7 +365,7 @@ mod tests {
                     out.extend_from_slice(&right[voxels]);
                 };
                 let scale = cycle.run(write, &Monitor::silent());
-                cycle.solution.iter().map(|x| scale as f32 * x.get()).collect()
+                cycle.solution.iter().map(|x| scale as f32 * x.to_f32()).collect()
             };
             let (of_a, of_b) = (cycled(&a), cycled(&b));
             let product = |a: &[f32], b: &[f32]| -> f64 {

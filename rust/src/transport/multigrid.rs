@@ -100,6 +100,14 @@ impl Graph {
     }
 }
 
+/// Adds a link to those of a node, the first of which is at `first`: two to one node are one link.
+pub(super) fn add_link(links: &mut Vec<(u32, f32)>, first: usize, (end, conductance): (u32, f32)) {
+    match links[first..].iter_mut().find(|(known, _)| *known == end) {
+        Some((_, sum)) => *sum += conductance,
+        None => links.push((end, conductance)),
+    }
+}
+
 /// A level: its matrix, and what it is to the next level.
 struct Level {
     graph: Graph,
@@ -271,10 +279,7 @@ impl Level {
                         if end as usize == parent {
                             continue;
                         }
-                        match links[first..].iter_mut().find(|(other, _)| *other == end) {
-                            Some((_, sum)) => *sum += link,
-                            None => links.push((end, link)),
-                        }
+                        add_link(links, first, (end, link));
                     }
                 }
             },

@@ -8,13 +8,14 @@
 
 use std::ops::Range;
 
+use half::f16;
 use multiversion::multiversion;
 
 use super::grid::{Grid, PRESSURE, Unknowns};
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::transport::chebyshev;
-use crate::transport::compact::Half;
+use crate::transport::compact::widen;
 use crate::transport::finest::Cycle;
 use crate::transport::links::{self, Conductances, Real};
 use crate::transport::pore::PoreSpace;
@@ -59,8 +60,10 @@ impl<'a> Preconditioner<'a> {
         let scale = self.pressures.run(right, monitor) as f32;
         let pressures = &self.pressures.solution;
         for_chunks(&mut z[..pressures.len()], monitor, |first, z| {
-            for (i, z) in z.iter_mut().enumerate() {
-                z[PRESSURE] = r[first + i][PRESSURE] + scale * pressures[first + i].get();
+            let mut added = Vec::new();
+            widen(&pressures[first..first + z.len()], &mut added);
+            for ((z, r), added) in z.iter_mut().zip(&r[first..]).zip(added) {
+                z[PRESSURE] = r[PRESSURE] + scale * added;
             }
         });
     }
@@ -134,7 +137,7 @@ impl Conductances for Darcy<'_> {
         self.space
     }
 
-    fn gather(&self, rows: Range<usize>, values: &[Half], inflow: &mut Vec<f32>) {
+    fn gather(&self, rows: Range<usize>, values: &[f16], inflow: &mut Vec<f32>) {
         gather(self, rows, values, inflow);
     }
 
@@ -164,7 +167,7 @@ impl Conductances for Darcy<'_> {
     "x86_64+avx512f+avx512vl+popcnt+bmi1+bmi2",
     "x86_64+avx2+popcnt+bmi1+bmi2"
 ))]
-fn gather(darcy: &Darcy<'_>, rows: Range<usize>, values: &[Half], inflow: &mut Vec<f32>) {
+fn gather(darcy: &Darcy<'_>, rows: Range<usize>, values: &[f16], inflow: &mut Vec<f32>) {
     links::gather(darcy, rows, values, inflow);
 }
 
