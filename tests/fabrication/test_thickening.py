@@ -126,8 +126,7 @@ def test_it_only_adds_and_never_parts(seed: int, minimum: float) -> None:
     thick = field > 0
     assert not (solid & ~thick).any()
     assert len(metrics.component_sizes(thick)) <= len(metrics.component_sizes(solid))
-    # What is left of one weak place may be two: in seed 1 with 4.5, where 80 % were too thin.
-    assert made.weak_places_before > 0 or made.weak_places_after == 0
+    assert made.weak_places_after <= made.weak_places_before
     assert made.thin_percent_after <= made.thin_percent_before
 
 
