@@ -15,6 +15,7 @@ from poresynth.engines.images import Images, targets
 from poresynth.engines.model_choice import mean_period, near_models
 from poresynth.engines.point_models import PointModel
 from poresynth.engines.roughness import smoothing_like
+from poresynth.engines.solid_kernel import example, first_values, options
 from poresynth.engines.solid_parameters import Axis, SolidParameters, resolve_mode
 from poresynth.engines.values import cut_share
 from poresynth.errors import ParameterError
@@ -25,7 +26,7 @@ from poresynth.metrics.skeleton import end_points
 from poresynth.metrics.slice_statistics import slice_score
 from poresynth.metrics.topology import euler_number
 
-__all__ = ["Choice", "choose_mode", "dead_ends_a_loop", "example", "first_values", "options"]
+__all__ = ["Choice", "choose_mode", "dead_ends_a_loop"]
 
 EDGE = 32
 """Edge of the volumes that are compared, voxels of half the resolution: 32 chose as 64 did on nine
@@ -60,7 +61,6 @@ CELLS_TRIED = 5
 of a foam, trabecular bone and limestone the structure error of the nearest was 19 % on average, of
 the one with the fewest dead ends a loop 13 %, of the best of the five 12 %. The fewest dead ends in
 64³ voxels, whatever the loops, left 17 %."""
-
 
 PORES_EDGE = 64
 """Edge of the volume and of the windows of images in which it is seen how pores hang together."""
@@ -154,7 +154,7 @@ def choose_mode(
             model = trials.fewest_dead_ends(near, fields)
             reason = f"cells, for sections are near to those of {model.words()}"
             return Choice("cells", reason, model)
-    if startable and _may_be_packed(images, parameters):
+    if startable and _may_be_packed(images):
         held = trials.pores_held(fields)
         if held < PORES_HELD:
             model = trials.fewest_dead_ends(near_models(images, CELLS_TRIED), fields)
@@ -183,7 +183,7 @@ def _is_network(images: Images, parameters: SolidParameters) -> bool:
     return _is_isotropic(images) and images.phases.porosity >= 0.5 and declared
 
 
-def _may_be_packed(images: Images, parameters: SolidParameters) -> bool:
+def _may_be_packed(images: Images) -> bool:
     """Whether pores between grains could be those between the cells of random points."""
     wide = min(n for image in images.images for n in image.shape[1:]) >= PORES_EDGE
     return _is_isotropic(images) and 0 < images.phases.porosity < 0.5 and wide
@@ -286,76 +286,6 @@ def dead_ends_a_loop(network: npt.NDArray[np.bool_]) -> float:
     # No strut ends at a face.
     ends = end_points(np.pad(network, TIPS_MARGIN, mode="wrap")).count
     return ends / max(-euler_number(network, boundary="periodic"), 1)
-
-
-def first_values(
-    model: PointModel, shape: tuple[int, int, int], p: SolidParameters, seed: int, threads: int = 0
-) -> npt.NDArray[np.float32]:
-    """Return what a volume of a shape starts from at the coarsest level, shape (1, z, y, x)."""
-    scale = 1 << (p.levels - 1)
-    z, y, x = (-(-n // scale) for n in shape)
-    return model.field((z, y, x), scale, seed, threads)
-
-
-def example(
-    axis: int, field: npt.NDArray[np.float32], symmetric: bool, weight: float
-) -> dict[str, Any]:
-    """Return an image across an axis as the kernel takes it."""
-    return {
-        "field": field,
-        "symmetry": "full" if symmetric else "none",
-        "keep_axis": None,
-        "normal": axis,
-        "weight": weight,
-    }
-
-
-def options(p: SolidParameters, images: Images, field: ImageField) -> dict[str, Any]:
-    """Return parameters as the kernel takes them."""
-
-    def at(values: tuple[Any, ...], level: int) -> Any:
-        """Return the value of a level, of values from coarse to fine; the last one goes on."""
-        return values[min(p.levels - 1 - level, len(values) - 1)]
-
-    levels = [
-        {
-            "stages": p.stages(),
-            "iterations": at(p.iterations, level),
-            "filters": p.filters,
-            "filter_edge": p.filter_edge,
-            "deep": at(p.deep, level),
-            "alike": images.alike,
-            "regularisation": field.regularisation,
-            "detail": field.detail,
-            "response_steps": (at(p.response_steps, level), p.final_steps if level == 0 else 0),
-            "search": p.search,
-            "candidates": p.candidates,
-            "temperature": 0.0,
-            "bandwidth": at(p.bandwidth, level) or None,
-            "relaxation": at(p.relaxation, level),
-            "mode_steps": p.mode_steps,
-        }
-        for level in range(p.levels)
-    ]
-    shared = p.model_dump(
-        include={
-            "tolerance", "components", "variance", "index_weight", "exponent", "emphasis",
-            "match_histogram",
-        }
-    )  # fmt: skip
-    return {
-        **shared,
-        "levels": levels,
-        "start": "random_field" if p.filters > 0 else "voxels",
-        "block": 1,
-        "starts": 1,
-        "patience": 3 if p.tolerance > 0 else 1001,
-        "run_penalty": 0.0,
-        "run_reach": 1,
-        "adaptive": False,
-        "gradient": 0.0,
-        "boundary": "periodic",
-    }
 
 
 def _windows(edge: int) -> list[slice]:

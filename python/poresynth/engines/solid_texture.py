@@ -25,10 +25,11 @@ from poresynth.engines.image_fields import (
     with_feature,
 )
 from poresynth.engines.images import Images, as_images, targets
-from poresynth.engines.mode_choice import choose_mode, example, first_values, options
+from poresynth.engines.mode_choice import choose_mode
 from poresynth.engines.porosity import PorosityLike
 from poresynth.engines.request import Request
 from poresynth.engines.roughness import smoothing_like
+from poresynth.engines.solid_kernel import example, first_values, options
 from poresynth.engines.solid_parameters import Axis, SolidParameters, resolve_mode
 from poresynth.engines.values import cut, outside_value, phase_values
 from poresynth.errors import FileError, ParameterError
