@@ -203,6 +203,18 @@ def test_a_medium_without_a_period_has_no_place_that_differs(trained: PeriodicFi
     assert asked.period_reason_.endswith("as asked")
 
 
+def test_a_period_may_be_but_the_scale_of_the_latent_field() -> None:
+    given = {"start_iterations": 5, "start_model": "edges of cells", "points": (1, 4)}
+    engine = quick(lattice(16, 22), kind="gray", period=20.0, encoded="none", **given)
+    assert not engine.generator_.encoded.any()
+    assert engine.period_reason_ == "no phase encoded, as asked"
+    # Points are a period apart, and are not left out, though a period is clear.
+    assert engine.generator_.spacing.tolist() == [2.0, 2.0]
+    assert engine.training_["start"].startswith("edges of cells")
+    assert engine.parameters_.points == (1, 4)
+    assert engine.sample((1, 30, 30), seed=1).array.std() > 0
+
+
 def test_a_mask_is_where_it_matters(trained: PeriodicField) -> None:
     mask = np.zeros((30, 30, 30), bool)
     mask[5:25, 5:25, 5:25] = True
@@ -321,6 +333,20 @@ def test_the_papers_preset_is_the_papers() -> None:
     assert (p.critic_steps, p.generator_steps, p.penalty, p.sliced) == (5, 5, 10, 0)
     assert (p.critic_maps, p.interpolation, p.shift) == ((64, 128, 256, 512), "paper", "paper")
     assert resolve({"preset": "paper"}, 2).crop == 128
+    assert resolve({"preset": "paper"}, 2, 3) == resolve({"preset": "paper"}, 2)
+
+
+@pytest.mark.parametrize("preset", ["tiny", "small"])
+def test_colours_are_trained_by_a_critic_and_other_exemplars_are_not(preset: str) -> None:
+    from poresynth.engines.periodic_field.parameters import resolve
+
+    given = {"preset": preset}
+    assert resolve(given, 2, 3).sliced == 300 < resolve(given, 2, 3).iterations
+    for axes, channels in ((2, 1), (3, 1), (3, 3)):
+        found = resolve(given, axes, channels)
+        assert found.sliced == found.iterations
+    # What is given goes before.
+    assert resolve({"preset": preset, "sliced_iterations": 7}, 2, 3).sliced == 7
 
 
 # --- images ------------------------------------------------------------------------------------
@@ -444,6 +470,8 @@ def test_the_critic_sees_the_guidance() -> None:
         ({"guidance": "direction"}, "must come with"),
         ({"guidance": "map"}, "must be given with"),
         ({"width": 0}, "width"),
+        ({"points": (1, 0)}, "points.1 = 0"),
+        ({"start_model": "struts"}, "start_model = struts: must be one of .*edges of cells"),
         ({"period": (3.0, 4.0, 5.0)}, "one number, or 2"),
         ({"sliced_iterations": 0, "crop": 16, "critic_maps": (4,) * 5}, "at least 32"),
     ],

@@ -45,7 +45,7 @@ def grid(axes: int, points: int = 5) -> list[Tensor]:
 @pytest.mark.parametrize("sigma", [0.2, 1.0])
 def test_it_is_equation_4_or_separable(axes: int, kind: str, sigma: float) -> None:
     numbers = Numbers(axes)
-    field = LatentField(axes, 0, 3, 4, 2, SPACING[:axes], kind, sigma)  # type: ignore[arg-type]
+    field = LatentField(axes, (), 3, 4, 2, SPACING[:axes], kind, sigma)  # type: ignore[arg-type]
     phases = grid(axes)
     found = field(phases, numbers)
     assert found.shape == (2, *[5] * axes, 12)
@@ -68,7 +68,7 @@ def test_it_is_equation_4_or_separable(axes: int, kind: str, sigma: float) -> No
 
 def jump(kind: str, sigma: float) -> float:
     """Root mean square step across a face of the cells, over that of the field."""
-    field = LatentField(3, 0, 1, 64, 1, (1.0, 1.0, 1.0), kind, sigma)  # type: ignore[arg-type]
+    field = LatentField(3, (), 1, 64, 1, (1.0, 1.0, 1.0), kind, sigma)  # type: ignore[arg-type]
     line = torch.linspace(0.05, 7.95, 40, dtype=torch.float64)[None]
     generator = torch.Generator().manual_seed(3)
     table = 2 * torch.rand((1, 1, 64, 12, 12, 12), generator=generator) - 1
@@ -94,7 +94,7 @@ def test_the_quintic_fields_are_continuous_and_equation_4_is_not() -> None:
 
 def test_the_period_gets_a_gradient_through_the_latent_field() -> None:
     numbers = Numbers(2)
-    field = LatentField(2, 0, 3, 4, 1, (0.3, 0.3), "quintic", 0.2)
+    field = LatentField(2, (), 3, 4, 1, (0.3, 0.3), "quintic", 0.2)
     for_scale = torch.tensor(1.0, dtype=torch.float64, requires_grad=True)
 
     def total(scale: Tensor) -> Tensor:
@@ -129,7 +129,7 @@ def test_the_quintic_starts_and_ends_flat() -> None:
 
 def test_slopes_make_a_field_with_a_wavelength_as_large_as_values_do() -> None:
     def curve(kind: str) -> np.ndarray:
-        field = LatentField(2, 0, 1, 2, 1, (1.0, 1.0), kind, 0.2)  # type: ignore[arg-type]
+        field = LatentField(2, (), 1, 2, 1, (1.0, 1.0), kind, 0.2)  # type: ignore[arg-type]
         line = torch.arange(0, 200, 0.25, dtype=torch.float64)[None]
         generator = torch.Generator().manual_seed(1)
 

@@ -14,7 +14,7 @@ from poresynth.engines.periodic_field.lattice import Cells, shifts
 from poresynth.engines.periodic_field.points import _FARTHEST, JITTER
 
 
-def field(axes: int, points: int = 2) -> LatentField:
+def field(axes: int, points: tuple[int, ...] = (1, 1)) -> LatentField:
     return LatentField(axes, points, 1, 3, 1, SPACING[:axes], "gradient", 0.2)
 
 
@@ -27,9 +27,12 @@ class Centred(Numbers):
 
 
 @pytest.mark.parametrize("axes", [2, 3])
-def test_they_are_those_to_all_points_of_the_cells_around(axes: int) -> None:
+@pytest.mark.parametrize("fineness", [(1, 1), (1, 3), (2, 1)])
+def test_they_are_those_to_all_points_of_the_cells_around(
+    axes: int, fineness: tuple[int, ...]
+) -> None:
     numbers, phases = Centred(axes), grid(axes)
-    made = field(axes)
+    made = field(axes, fineness)
     found = made(phases, numbers)
     assert found.shape == (2, *[5] * axes, made.size)
     assert made.size == 2 * (axes + 1) + 3
@@ -38,7 +41,8 @@ def test_they_are_those_to_all_points_of_the_cells_around(axes: int) -> None:
         for index in np.ndindex(*[5] * axes):
             for lattice in range(2):
                 place = [
-                    float(phases[k][window, index[k]]) / SPACING[k] - offsets[lattice, k]
+                    float(phases[k][window, index[k]]) * fineness[lattice] / SPACING[k]
+                    - offsets[lattice, k]
                     for k in range(axes)
                 ]
                 expected = twin.nearest_distances(
@@ -65,7 +69,7 @@ def test_numbers_come_after_them_on_a_lattice_half_as_coarse() -> None:
 
 @pytest.mark.parametrize("axes", [2, 3])
 def test_they_go_on_across_cells_with_a_slope_of_one(axes: int) -> None:
-    made = LatentField(axes, 1, 1, 1, 1, (1.0,) * axes, "gradient", 0.2)
+    made = LatentField(axes, (1,), 1, 1, 1, (1.0,) * axes, "gradient", 0.2)
     generator = torch.Generator().manual_seed(6)
     table = 2 * torch.rand((1, 1, 3, *[12] * axes), generator=generator) - 1
 

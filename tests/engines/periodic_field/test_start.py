@@ -13,14 +13,20 @@ from poresynth.engines.periodic_field import PeriodicField
 from poresynth.engines.periodic_field.latent import LatentField
 from poresynth.engines.periodic_field.lattice import Cells
 from poresynth.engines.periodic_field.period import Period
-from poresynth.engines.periodic_field.start import Start, choose_start, models, spacings
+from poresynth.engines.periodic_field.start import (
+    Start,
+    choose_start,
+    model_names,
+    models,
+    spacings,
+)
 from poresynth.engines.periodic_field.windows import Windows
 from poresynth.exemplars import foam
 from poresynth.metrics.structure_error import structure_error
 
 
 def latent(spacing: tuple[float, ...]) -> LatentField:
-    return LatentField(len(spacing), 2, 2, 3, 1, spacing, "gradient", 0.2)
+    return LatentField(len(spacing), (1, 1), 2, 3, 1, spacing, "gradient", 0.2)
 
 
 def distances(solid: np.ndarray, clip: int = 6) -> np.ndarray:
@@ -47,7 +53,7 @@ def chosen(field: np.ndarray, wavelength: float, **options: Any) -> Start:
     windows = Windows(torch.from_numpy(field[None]), options.pop("guide", None))
     # 0.7, 0.85 and one wavelength.
     tried = spacings(period, (0.5,) * axes, (True,) * axes)[3:6]
-    return choose_start(windows, 24, latent, period.length, tried, 3)
+    return choose_start(windows, 24, latent, period.length, tried, 3, **options)
 
 
 def somewhere(start: Start) -> torch.Tensor:
@@ -77,6 +83,24 @@ def test_a_model_is_recognised_with_the_distance_of_its_points(axes: int, name: 
     # A phase of 2 is a period of four wavelengths.
     assert start.spacing == pytest.approx((0.5 * 0.85,) * axes)
     assert start.error < 40
+
+
+def test_a_model_that_is_asked_for_is_taken_though_another_is_nearer() -> None:
+    values = voronoi(192, 20.0, 2, models(2)["edges of cells"], seed=1)
+    field = distances(values > np.quantile(values, 0.7))
+    nearest = chosen(field, wavelength=20.0)
+    asked = "all but corners of cells"
+    start = chosen(field, wavelength=20.0, model=asked)
+    assert nearest.name == "edges of cells"
+    assert start.name == asked
+    assert start.weights == tuple(-w for w in models(2)["corners of cells"]) + (0.0,) * 9
+    assert start.error > nearest.error
+
+
+def test_every_model_has_a_name() -> None:
+    for axes in (2, 3):
+        names = model_names(axes)
+        assert len(set(names)) == len(names) == 2 * len(models(axes)) + 1
 
 
 def test_the_field_of_a_start_has_the_values_of_the_exemplar() -> None:

@@ -71,7 +71,8 @@ class PeriodicField(NeuralEngine):
         Where the parameters that are not given come from. ``"tiny"``: a network of 4 × 48 that a
         minute or two on one core trains. ``"small"``: 6 × 96, ten times as many iterations, for a
         GPU or a night. ``"paper"``: ipfn_2022 §4 and the authors' code: 10 × 128, Eq. 4 on one
-        aligned lattice, adversarial from the beginning.
+        aligned lattice, adversarial from the beginning. Of images in colours, ``"tiny"`` is 4 × 64
+        and ``"small"`` 5 × 96, mostly adversarial: three and fifteen minutes on one core.
     threshold : float, optional
         Gray value that parts pore from solid; Otsu's by default.
     solid : {"bright", "dark"}, default "bright"
@@ -100,11 +101,12 @@ class PeriodicField(NeuralEngine):
     shift : {"period", "paper", "none"}, default "period"
         How coordinates are shifted in training: over one period of the encoding, which is all that
         there is; by up to 4 half crops (§3); or not (the ablation "w/o shift").
-    encoded : {"clear", "all"}, default "clear"
+    encoded : {"clear", "all", "none"}, default "clear"
         Along which axes the network sees the phase: those along which the exemplar's
-        autocorrelation has a clear peak, or the period is given; or all, as the paper's. A medium
-        without a period has no place that differs from others; without phases its field cannot
-        have one either.
+        autocorrelation has a clear peak, or the period is given; or all, as the paper's; or none,
+        so that a period that is given is only the scale of the latent field. A medium without a
+        period has no place that differs from others; without phases its field cannot have one
+        either.
     bandwidth : int, default 1
         i of Eq. 3, the highest octave. High ones print a lattice into media without a period.
     diagonal : bool
@@ -114,9 +116,11 @@ class PeriodicField(NeuralEngine):
         of a lattice was not.
     width, depth : int
         Of the perceptron; 48 and 4 of the preset tiny.
-    points : int, default 2
+    points : tuple of int, default (1, 1)
         Lattices of random points whose distances a point of the field has as latent values (not in
-        the paper): struts and grains are made of them. 0 where a period is clear.
+        the paper): struts and grains are made of them. Each number says how many points one has
+        along an axis where the coarsest has one: (1, 8) for a mesh of veins inside a mesh of wider
+        ones. None, (), where phases are encoded.
     latents : int
         Numbers of the latent field at a point; by the preset.
     groups : int
@@ -138,9 +142,14 @@ class PeriodicField(NeuralEngine):
         Iterations at the beginning that lead the network to the model of stochastic geometry that
         is nearest to the exemplar, such as edges of Voronoi cells (not in the paper). 0: from a
         flat field. Needs points.
+    start_model : str, default "nearest"
+        The model that training starts from: the nearest, or one by name, such as "edges of cells",
+        "all but balls around points", "noise". For colours, which have no order, and for meshes
+        in meshes, of which the wide one is the model, the nearest is not the best.
     sliced_iterations : int, optional
         Iterations before the adversarial ones: those of the start, and of the sliced-Wasserstein
-        losses. All by default: they are faster and steadier.
+        losses. All by default: they are faster and steadier; 300 of images in colours, which come
+        out as grains by these losses alone.
     reach : int
         Longest distance that the sliced-Wasserstein loss sees, along an axis; by the preset, at
         most half of the exemplar.
@@ -218,12 +227,12 @@ compile, device, evaluate_every, patience, training_seed
         period: Literal["exemplar", "crop"] | float | tuple[float, ...] | None = None,
         learn_period: bool | None = None,
         shift: Literal["period", "paper", "none"] | None = None,
-        encoded: Literal["clear", "all"] | None = None,
+        encoded: Literal["clear", "all", "none"] | None = None,
         bandwidth: int | None = None,
         diagonal: bool | None = None,
         width: int | None = None,
         depth: int | None = None,
-        points: int | None = None,
+        points: tuple[int, ...] | None = None,
         latents: int | None = None,
         groups: int | None = None,
         octaves: int | None = None,
@@ -232,6 +241,7 @@ compile, device, evaluate_every, patience, training_seed
         sigma: float | None = None,
         crop: int | None = None,
         start_iterations: int | None = None,
+        start_model: str | None = None,
         sliced_iterations: int | None = None,
         reach: int | None = None,
         grids: int | None = None,
@@ -412,12 +422,14 @@ compile, device, evaluate_every, patience, training_seed
         seen = [axis for axis, one in zip(axes, made.encoded.tolist(), strict=True) if one]
         if self.parameters_.encoded == "all":
             return "phases encoded along all axes, as asked"
+        if self.parameters_.encoded == "none":
+            return "no phase encoded, as asked"
         if not seen:
             return "no phase encoded, for along no axis is a period clear"
         return f"phases encoded along {', '.join(seen)}, where the period is clear or given"
 
     def _resolve(self, exemplar: Volume) -> FieldParameters:
-        p = resolve(self.parameters, _axes(exemplar))
+        p = resolve(self.parameters, _axes(exemplar), exemplar.channels)
         edge = min(n for n in exemplar.shape if n > 1)
         # What a preset says is as much as a small exemplar has.
         most = {"crop": edge, "reach": max(4, edge // 2)}
@@ -476,11 +488,12 @@ compile, device, evaluate_every, patience, training_seed
             p.crop if p.guidance == "density" else None,
         )
         period = starting_period(flat, p.period, p.crop, p.bandwidth)
-        if any(period.clear):
+        if any(period.clear) and p.encoded != "none":
             # What has a period has its structure from the phases, and slopes tell nothing of it.
             # Into the parameters themselves: a saved model is built from them again.
-            free = {name for name in ("points", "jets") if self.parameters[name] is None}
-            p = self.parameters_ = p.model_copy(update=dict.fromkeys(free, 0))
+            none: dict[str, Any] = {"points": (), "jets": 0.0}
+            free = {name: none[name] for name in none if self.parameters[name] is None}
+            p = self.parameters_ = p.model_copy(update=free)
         start = self._start(windows, period, progress)
         spacing = self._spacing(period) if start is None else start.spacing
         with torch.random.fork_rng(devices=[]):
@@ -488,8 +501,9 @@ compile, device, evaluate_every, patience, training_seed
             generator = self._generator()
             generator.start.copy_(torch.tensor(period.length))
             generator.spacing.copy_(torch.tensor(spacing))
-            if p.encoded == "clear":
-                generator.encoded.copy_(torch.tensor(period.clear))
+            if p.encoded != "all":
+                seen = [clear and p.encoded == "clear" for clear in period.clear]
+                generator.encoded.copy_(torch.tensor(seen))
             return FieldStep(
                 p,
                 windows,
@@ -517,6 +531,7 @@ compile, device, evaluate_every, patience, training_seed
             spacings(period, self._spacing(period), free),
             mix_seed(p.training_seed, _MODELS),
             None if progress is None else lambda share: progress("choosing a start", share),
+            None if p.start_model == "nearest" else p.start_model,
         )
 
     def _spacing(self, period: Period) -> tuple[float, ...]:

@@ -34,9 +34,10 @@ class LatentField:
     ----------
     axes : int
         2 for images, 3 for volumes.
-    points : int
-        Lattices of random points, one in each cell; a point of the field has the distances to the
-        nearest of each. They come before the lattices of numbers.
+    points : tuple of int
+        How many sites the lattices of random points have where the coarsest has one, along an axis;
+        none without points. There is one point in each cell, and a place of the field has the
+        distances to the nearest of each lattice. They come before the lattices of numbers.
     groups : int
         Lattices of numbers, each shifted by its own fraction of a cell. One aligned
         lattice for all numbers prints itself into the result: the largest autocovariance along an
@@ -65,7 +66,7 @@ class LatentField:
     """
 
     axes: int
-    points: int
+    points: tuple[int, ...]
     groups: int
     numbers: int
     octaves: int
@@ -76,12 +77,12 @@ class LatentField:
     @property
     def size(self) -> int:
         """Values of a point: distances, then numbers."""
-        return self.points * nearest(self.axes) + self.groups * self.numbers
+        return len(self.points) * nearest(self.axes) + self.groups * self.numbers
 
     def fineness(self) -> list[int]:
         """Return how many sites each lattice has where the coarsest has one, along an axis."""
         first = 2 if self.points else 1
-        return [1] * self.points + [first << group % self.octaves for group in range(self.groups)]
+        return [*self.points, *(first << group % self.octaves for group in range(self.groups))]
 
     def __call__(
         self,
@@ -111,18 +112,24 @@ class LatentField:
             Shape (batch, points, …, value), of the type of the numbers, where they are.
         """
         spacing = self.spacing if spacing is None else spacing
-        shift, fineness = shifts(self.axes, self.points + self.groups), self.fineness()
-        parts = []
-        if self.points:
-            lattices = range(self.points)
-            at = slice(0, self.points)
-            cells = cells_around(phases, spacing, fineness[at], shift[at], laps, below=1)
+        shift = shifts(self.axes, len(self.points) + self.groups)
+        fineness = self.fineness()
+
+        def cells_of(lattices: range, below: int = 0) -> Cells:
+            at = slice(lattices.start, lattices.stop)
+            return cells_around(phases, spacing, fineness[at], shift[at], laps, below)
+
+        parts, first = [], 0
+        # Those of one fineness together: the finer, the more sites there are in a window.
+        for _, alike in itertools.groupby(self.points):
+            lattices = range(first, first + len(list(alike)))
+            cells = cells_of(lattices, below=1)
             found = values(lattices, self.axes, cells)
             # About as large as numbers are.
             parts.append(2 * distances(found, cells.like(found)) - 1.2)
-        lattices = range(self.points, self.points + self.groups)
-        at = slice(self.points, None)
-        cells = cells_around(phases, spacing, fineness[at], shift[at], laps)
+            first = lattices.stop
+        lattices = range(first, len(fineness))
+        cells = cells_of(lattices)
         numbers = values(lattices, self.numbers, cells)
         cells = cells.like(numbers)
         if self.interpolation == "paper":

@@ -8,11 +8,14 @@ from pydantic import Field, model_validator
 
 from poresynth.engines.neural.parameters import TrainingParameters
 from poresynth.engines.parameters import checked, named
+from poresynth.engines.periodic_field.start import model_names
+from poresynth.errors import ParameterError
 
-__all__ = ["PRESETS", "FieldParameters", "Preset", "resolve"]
+__all__ = ["COLOURS", "PRESETS", "FieldParameters", "Preset", "resolve"]
 
 Preset = Literal["tiny", "small", "paper"]
 Length = Annotated[float, Field(gt=1, le=1e6)]
+Fineness = Annotated[int, Field(ge=1, le=64)]
 Taps = Annotated[int, Field(ge=1, le=64)]
 Maps = Annotated[int, Field(ge=1, le=4096)]
 
@@ -31,12 +34,12 @@ class FieldParameters(TrainingParameters):
     period: Literal["exemplar", "crop"] | Length | tuple[Length, ...] = "exemplar"
     learn_period: bool = True
     shift: Literal["period", "paper", "none"] = "period"
-    encoded: Literal["clear", "all"] = "clear"
+    encoded: Literal["clear", "all", "none"] = "clear"
     bandwidth: int = Field(1, ge=0, le=12)
     diagonal: bool
     width: int = Field(48, ge=1, le=4096)
     depth: int = Field(4, ge=2, le=64)
-    points: int = Field(2, ge=0, le=64)
+    points: tuple[Fineness, ...] = Field((1, 1), max_length=64)
     latents: int = Field(12, ge=1, le=4096)
     groups: int = Field(4, ge=1, le=256)
     octaves: int = Field(2, ge=1, le=8)
@@ -45,6 +48,7 @@ class FieldParameters(TrainingParameters):
     sigma: float = Field(0.2, gt=0, le=100)
     crop: int = Field(ge=4, le=1024)
     start_iterations: int = Field(200, ge=0)
+    start_model: str = "nearest"
     sliced_iterations: int | None = Field(None, ge=0)
     reach: int = Field(ge=4, le=1024)
     grids: int = Field(64, ge=1, le=1 << 12)
@@ -105,7 +109,7 @@ PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
             "width": 96,
             "depth": 6,
             "bandwidth": 2,
-            "points": 4,
+            "points": (1, 1, 1, 1),
             "latents": 32,
             "groups": 4,
             "crop": {2: 96, 3: 32}[axes],
@@ -129,7 +133,7 @@ PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
             "bandwidth": 5,
             "width": 128,
             "depth": 10,
-            "points": 0,
+            "points": (),
             "jets": 0.0,
             "latents": 5,
             "groups": 1,
@@ -156,8 +160,24 @@ PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
 }
 """What each preset says of images (2) and of volumes (3), against the defaults."""
 
+_COLOURS: dict[str, Any] = PRESETS["tiny"][2] | {
+    "sliced_iterations": 300,
+    "jets": 0.0,
+    "critic_maps": (24, 48, 96),
+    "learning_rate": 1e-3,
+    "period_rate": 1e-4,
+}
+COLOURS: dict[Preset, dict[str, Any]] = {
+    "tiny": _COLOURS | {"width": 64, "iterations": 2000, "evaluate_every": 500},
+    "small": _COLOURS
+    | {"width": 96, "depth": 5, "bandwidth": 3, "iterations": 6000, "evaluate_every": 1000},
+    "paper": PRESETS["paper"][2],
+}
+"""What each preset says of images of several channels: by the sliced loss alone colours come out as
+grains, so that it is but the beginning."""
 
-def resolve(given: dict[str, Any], axes: int) -> FieldParameters:
+
+def resolve(given: dict[str, Any], axes: int, channels: int = 1) -> FieldParameters:
     """Check parameters, with those of the preset under those that are given.
 
     Parameters
@@ -166,6 +186,8 @@ def resolve(given: dict[str, Any], axes: int) -> FieldParameters:
         Parameters by name; None stands for the preset's own value.
     axes : int
         2 for images, 3 for volumes.
+    channels : int, default 1
+        Of the exemplar.
 
     Returns
     -------
@@ -177,5 +199,11 @@ def resolve(given: dict[str, Any], axes: int) -> FieldParameters:
         If a parameter is unknown or outside its range.
     """
     chosen = named(given)
-    preset = PRESETS.get(chosen.get("preset", "tiny"), PRESETS["tiny"])
-    return checked(FieldParameters, {**preset[axes], **chosen})
+    presets = COLOURS if axes == 2 and channels > 1 else {p: PRESETS[p][axes] for p in PRESETS}
+    # A preset that is unknown is refused with the other parameters.
+    preset = presets.get(chosen.get("preset", "tiny"), presets["tiny"])
+    found = checked(FieldParameters, {**preset, **chosen})
+    known = ["nearest", *model_names(axes)]
+    if found.start_model not in known:
+        raise ParameterError("start_model", found.start_model, f"must be one of {known}")
+    return found

@@ -21,7 +21,7 @@ from poresynth.engines.periodic_field.windows import Windows
 from poresynth.engines.point_models import models
 from poresynth.metrics.correlation import normalised, relative_error, two_point_correlation
 
-__all__ = ["Start", "choose_start", "spacings"]
+__all__ = ["Start", "choose_start", "model_names", "spacings"]
 
 SHARES = (0.35, 0.5, 0.6, 0.7, 0.85, 1.0, 1.2, 1.4)
 """Distances of the points that are tried, in wavelengths of the exemplar."""
@@ -49,6 +49,12 @@ _DRAWN, _FACTORS = 1 << 16, 8
 
 _KNOTS = 1024
 """Equal shares of the values whose ranks are known."""
+
+
+def model_names(axes: int) -> list[str]:
+    """Return what the models are called, in words."""
+    of_points = list(models(axes))
+    return [*of_points, *(f"all but {name}" for name in of_points), "noise"]
 
 
 def spacings(
@@ -152,6 +158,7 @@ def choose_start(
     tried: Sequence[tuple[float, ...]],
     seed: int,
     progress: Callable[[float], object] | None = None,
+    model: str | None = None,
 ) -> Start:
     """Choose the model, and the distance of its points, whose field is nearest to the exemplar.
 
@@ -174,6 +181,8 @@ def choose_start(
         Of the models' fields.
     progress : callable, optional
         Called with the share that is done.
+    model : str, optional
+        One of `model_names`, of which only the distance is chosen.
 
     Returns
     -------
@@ -197,11 +206,14 @@ def choose_start(
         sums = _made(list(kinds.values()), field, period, _EDGES[axes][0], seed)
         for (name, weights), scores in zip(kinds.items(), sums, strict=True):
             for sign in (1.0,) if name == "noise" else (1.0, -1.0):
+                called = name if sign > 0 else f"all but {name}"
+                if model not in (None, called):
+                    continue
                 knots = _quantiles(sign * scores.flatten())
                 error = exemplar.error(_ranked(sign * scores, knots, exemplar.fields))
                 found.append(
                     Start(
-                        name if sign > 0 else f"all but {name}",
+                        called,
                         tuple(sign * weight for weight in weights),
                         spacing,
                         knots,
