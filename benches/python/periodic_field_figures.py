@@ -36,21 +36,20 @@ from poresynth.report.render3d import surface_picture
 from poresynth.volume import Volume
 
 RESULTS = "periodic_field_figures"
-# What differs from the preset tiny: the loss of the paper after a short start. By the sliced one
-# alone textures of three colours come out as grains.
-ADVERSARIAL: dict[str, Any] = {
-    "sliced_iterations": 300,
-    "learning_rate": 1e-3,
-    "period_rate": 1e-4,
-    "width": 64,
-    "critic_maps": (24, 48, 96),
-}
-# Colours that have no order do not start from a model: veins would be worms, and cloth pebbles.
-FLAT: dict[str, Any] = {"points": 0, "jets": 0}
+# What differs from the preset small.
 TEXTURES: dict[str, dict[str, Any]] = {
-    "honeycomb": {"iterations": 2000, "spacing": 1.5},
-    "crosshatch": {"iterations": 800, **FLAT},
-    "veins": {"iterations": 800, **FLAT},
+    # The comb's own period, of two rows; an octave more would double that along x.
+    "honeycomb": {"period": (49.8, 29.2), "bandwidth": 4, "spacing": 1.5},
+    # Two patches of the cloth, the light one and the dark one; no peak tells them.
+    "crosshatch": {"iterations": 9000, "period": (118.0, 124.0), "bandwidth": 6},
+    # A fine mesh inside a wide one, whose cells are 44 pixels across.
+    "veins": {
+        "period": 44.0,
+        "encoded": "none",
+        "points": (1, 8),
+        "start_model": "edges of cells",
+        "critic_maps": (24, 48, 96, 96),
+    },
 }
 SCANS = {"bone": "trabecular_bone_gray_100.tif", "Berea": "berea_sandstone_binary_200.tif"}
 MEDIA: dict[str, Callable[[], Volume]] = {
@@ -133,9 +132,7 @@ def surface(solid: npt.NDArray[np.bool_], pixel: float = 1.0) -> Pixels:
 
 def coloured(name: str, models: Path | None) -> PeriodicField:
     """Train on one of `TEXTURES`."""
-    chosen = ADVERSARIAL | TEXTURES[name]
-    chosen["evaluate_every"] = chosen["iterations"]
-    return fit(name, texture(name), models, **chosen)
+    return fit(name, texture(name), models, preset="small", **TEXTURES[name])
 
 
 def image(name: str, models: Path | None) -> None:
