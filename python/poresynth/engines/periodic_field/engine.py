@@ -68,11 +68,12 @@ class PeriodicField(NeuralEngine):
     Parameters
     ----------
     preset : {"tiny", "small", "paper"}, default "tiny"
-        Where the parameters that are not given come from. ``"tiny"``: a network of 4 × 48 that a
-        minute or two on one core trains. ``"small"``: 6 × 96, ten times as many iterations, for a
-        GPU or a night. ``"paper"``: ipfn_2022 §4 and the authors' code: 10 × 128, Eq. 4 on one
-        aligned lattice, adversarial from the beginning. Of images in colours, ``"tiny"`` is 4 × 64
-        and ``"small"`` 5 × 96, mostly adversarial: three and fifteen minutes on one core.
+        Where the parameters that are not given come from. ``"tiny"``: a network of 4 × 48 that
+        one core trains in two to three minutes, on an image in one. ``"small"``: 6 × 96, ten times
+        as many iterations, for a GPU or a night. ``"paper"``: ipfn_2022 §4 and the authors' code:
+        10 × 128, Eq. 4 on one aligned lattice, adversarial from the beginning. Of images in
+        colours, ``"tiny"`` is 4 × 64 and ``"small"`` 5 × 96, mostly adversarial: three and fifteen
+        minutes on one core.
     threshold : float, optional
         Gray value that parts pore from solid; Otsu's by default.
     solid : {"bright", "dark"}, default "bright"
@@ -144,8 +145,8 @@ class PeriodicField(NeuralEngine):
         flat field. Needs points.
     start_model : str, default "nearest"
         The model that training starts from: the nearest, or one by name, such as "edges of cells",
-        "all but balls around points", "noise". For colours, which have no order, and for meshes
-        in meshes, of which the wide one is the model, the nearest is not the best.
+        "all but balls around points", "noise"; of the first lattice of points. For colours, which
+        have no order, and for meshes in meshes the nearest is not the best.
     sliced_iterations : int, optional
         Iterations before the adversarial ones: those of the start, and of the sliced-Wasserstein
         losses. All by default: they are faster and steadier; 300 of images in colours, which come
@@ -488,7 +489,8 @@ compile, device, evaluate_every, patience, training_seed
             p.crop if p.guidance == "density" else None,
         )
         period = starting_period(flat, p.period, p.crop, p.bandwidth)
-        if any(period.clear) and p.encoded != "none":
+        seen = [clear and p.encoded != "none" for clear in period.clear]
+        if any(seen):
             # What has a period has its structure from the phases, and slopes tell nothing of it.
             # Into the parameters themselves: a saved model is built from them again.
             none: dict[str, Any] = {"points": (), "jets": 0.0}
@@ -502,7 +504,6 @@ compile, device, evaluate_every, patience, training_seed
             generator.start.copy_(torch.tensor(period.length))
             generator.spacing.copy_(torch.tensor(spacing))
             if p.encoded != "all":
-                seen = [clear and p.encoded == "clear" for clear in period.clear]
                 generator.encoded.copy_(torch.tensor(seen))
             return FieldStep(
                 p,
@@ -520,6 +521,9 @@ compile, device, evaluate_every, patience, training_seed
         """Choose what the training starts from, if there is room to."""
         p = self.parameters_
         if not (p.points and p.started):
+            if p.start_model != "nearest":
+                allowed = "needs start_iterations, and points where phases are encoded"
+                raise ParameterError("start_model", p.start_model, allowed)
             return None
         chosen = p.spacing is not None or p.encoded == "all"
         free = [not (clear or chosen) for clear in period.clear]

@@ -11,7 +11,7 @@ from poresynth.engines.parameters import checked, named
 from poresynth.engines.periodic_field.start import model_names
 from poresynth.errors import ParameterError
 
-__all__ = ["COLOURS", "PRESETS", "FieldParameters", "Preset", "resolve"]
+__all__ = ["PRESETS", "FieldParameters", "Preset", "resolve"]
 
 Preset = Literal["tiny", "small", "paper"]
 Length = Annotated[float, Field(gt=1, le=1e6)]
@@ -160,7 +160,7 @@ PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
 }
 """What each preset says of images (2) and of volumes (3), against the defaults."""
 
-_COLOURS: dict[str, Any] = PRESETS["tiny"][2] | {
+_BY_CRITIC: dict[str, Any] = PRESETS["tiny"][2] | {
     "sliced_iterations": 300,
     "jets": 0.0,
     "critic_maps": (24, 48, 96),
@@ -168,8 +168,8 @@ _COLOURS: dict[str, Any] = PRESETS["tiny"][2] | {
     "period_rate": 1e-4,
 }
 COLOURS: dict[Preset, dict[str, Any]] = {
-    "tiny": _COLOURS | {"width": 64, "iterations": 2000, "evaluate_every": 500},
-    "small": _COLOURS
+    "tiny": _BY_CRITIC | {"width": 64, "iterations": 2000, "evaluate_every": 500},
+    "small": _BY_CRITIC
     | {"width": 96, "depth": 5, "bandwidth": 3, "iterations": 6000, "evaluate_every": 1000},
     "paper": PRESETS["paper"][2],
 }

@@ -53,8 +53,7 @@ _KNOTS = 1024
 
 def model_names(axes: int) -> list[str]:
     """Return what the models are called, in words."""
-    of_points = list(models(axes))
-    return [*of_points, *(f"all but {name}" for name in of_points), "noise"]
+    return [*(_called(name, sign) for sign in (1, -1) for name in models(axes)), "noise"]
 
 
 def spacings(
@@ -206,7 +205,7 @@ def choose_start(
         sums = _made(list(kinds.values()), field, period, _EDGES[axes][0], seed)
         for (name, weights), scores in zip(kinds.items(), sums, strict=True):
             for sign in (1.0,) if name == "noise" else (1.0, -1.0):
-                called = name if sign > 0 else f"all but {name}"
+                called = _called(name, sign)
                 if model not in (None, called):
                     continue
                 knots = _quantiles(sign * scores.flatten())
@@ -240,6 +239,10 @@ def choose_start(
     best = min(final, key=lambda start: start.error)
     guides, fields = exemplar.guided(windows, mix_seed(seed, _SEEDS))
     return best if guides is None else replace(best, fields=fields, guides=guides)
+
+
+def _called(name: str, sign: float) -> str:
+    return name if sign > 0 else f"all but {name}"
 
 
 def _made(
