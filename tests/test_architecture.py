@@ -45,7 +45,7 @@ PYTHON_ARROWS = {
 TORCH = {"engines/neural", "engines/scaffold_gan", "engines/periodic_field"}
 
 RUST_GROUND = {"bits", "error", "fourier", "rng", "volume", "monitor", "threads"}
-AREAS = {"texture", "intensity", "topology", "geometry", "correlation", "transport"}
+AREAS = {"points", "texture", "intensity", "topology", "geometry", "correlation", "transport"}
 RUST_ARROWS = {
     "bits": set(),
     "large_pages": set(),
@@ -55,6 +55,7 @@ RUST_ARROWS = {
     "monitor": {"error"},
     "fourier": {"error", "monitor", "rng", "threads", "volume"},
     "threads": {"error"},
+    "points": RUST_GROUND,
     "geometry": RUST_GROUND,
     "intensity": RUST_GROUND,
     "topology": RUST_GROUND,

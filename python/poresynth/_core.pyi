@@ -1,6 +1,6 @@
 """Compiled kernels. Private: the functions of the package check and document."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -36,6 +36,7 @@ __all__ = [
     "match_windows",
     "novelty",
     "permeability",
+    "point_distances",
     "random_field",
     "recount_phase",
     "remove_branches",
@@ -128,6 +129,17 @@ def match_responses(
     regularisation: float = 0.05,
     threads: int = 0,
 ) -> tuple[npt.NDArray[np.float32], list[float]]: ...
+def point_distances(
+    points: npt.NDArray[np.float32],
+    sites: Sequence[int],
+    cells: Sequence[npt.NDArray[np.int64]],
+    fractions: Sequence[npt.NDArray[np.float32]],
+    *,
+    count: int,
+    kept: int,
+    farthest: float,
+    threads: int = 0,
+) -> npt.NDArray[np.float32]: ...
 def random_field(
     images: list[tuple[int, npt.NDArray[np.float32], bool, float]],
     shape: tuple[int, int, int],

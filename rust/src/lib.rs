@@ -11,6 +11,7 @@ pub mod geometry;
 pub mod intensity;
 mod large_pages;
 pub mod monitor;
+pub mod points;
 pub mod rng;
 pub mod texture;
 pub mod threads;

@@ -8,6 +8,7 @@ mod euler;
 mod geometry;
 mod gray;
 mod intensity;
+mod points;
 mod repair;
 mod responses;
 mod skeleton;
@@ -55,6 +56,8 @@ mod _core {
     use super::gray::{binned_counts, gray_moments, level_counts, match_histogram};
     #[pymodule_export]
     use super::intensity::{cut_phases, cut_solid};
+    #[pymodule_export]
+    use super::points::point_distances;
     #[pymodule_export]
     use super::repair::{cell_perimeters, connect_phase, recount_phase, remove_branches};
     #[pymodule_export]

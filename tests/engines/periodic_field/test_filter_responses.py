@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
+from poresynth.engines.periodic_field.distributions import quantiles
 from poresynth.engines.periodic_field.responses import ResponseLoss, _filters, _lines
 from poresynth.engines.periodic_field.windows import Windows
 
@@ -185,3 +186,12 @@ def test_a_window_has_the_factor_of_a_patch_that_it_lies_in_or_holds(patch: int)
     guides = windows.guides(offsets, 300, random)
     assert guides is not None
     torch.testing.assert_close(guides, drawn[:, 1:])
+
+
+@pytest.mark.parametrize("gradient", [False, True])
+def test_quantiles_are_middles_of_equal_shares(gradient: bool) -> None:
+    values = torch.randperm(60, generator=torch.Generator().manual_seed(4)).float()
+    columns = torch.stack([values, -values], dim=1).requires_grad_(gradient)
+    found = quantiles(columns, 6)
+    assert found.tolist() == [[10 * k + 5, 10 * k + 5 - 59] for k in range(6)]
+    assert quantiles(columns[:2], 4).shape == (4, 2)

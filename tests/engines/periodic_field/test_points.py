@@ -9,9 +9,11 @@ from tests.engines.periodic_field.test_latent import SPACING, Numbers, grid
 from tests.references import periodic_field as twin
 from torch import Tensor
 
+from poresynth import _core
 from poresynth.engines.periodic_field.latent import LatentField
-from poresynth.engines.periodic_field.lattice import Cells, shifts
-from poresynth.engines.periodic_field.points import _FARTHEST, JITTER
+from poresynth.engines.periodic_field.lattice import Cells, cells_around, shifts
+from poresynth.engines.periodic_field.points import _FARTHEST, JITTER, _anywhere, _native
+from poresynth.errors import ParameterError
 
 
 def field(axes: int, points: tuple[int, ...] = (1, 1)) -> LatentField:
@@ -97,3 +99,45 @@ def test_no_gradient_flows_through_them() -> None:
     assert found[..., 6:].requires_grad
     (by_distances,) = torch.autograd.grad(found[..., :6].sum(), scale, retain_graph=True)
     assert by_distances == 0
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+@pytest.mark.parametrize(("batch", "edge"), [(1, 1), (3, 5), (40, 4), (1, 19)])
+def test_the_kernel_finds_what_the_operations_of_any_device_find(
+    axes: int, batch: int, edge: int
+) -> None:
+    random = torch.Generator().manual_seed(7)
+    phases = [2.3 * torch.rand(batch, edge, generator=random) - 1 for _ in range(axes)]
+    cells = cells_around(phases, SPACING[:axes], [2, 2], shifts(axes, 2), None, 1)
+    offsets = torch.rand((2, batch, axes, *cells.sites), generator=random) - 0.5
+    places = 0.5 + JITTER * offsets
+    cells = cells.like(places)
+    found = _native(places, cells)
+    assert found.shape == (2, batch, *[edge] * axes, axes + 1)
+    torch.testing.assert_close(found, _anywhere(places, cells), atol=1e-6, rtol=0)
+    assert (found.diff(dim=-1) >= 0).all()
+
+
+@pytest.mark.parametrize("parameter", ["points", "cells", "kept"])
+def test_the_kernel_refuses_what_does_not_fit(parameter: str) -> None:
+    cells, fractions = np.ones(2, np.int64), np.zeros(2, np.float32)
+    given = {
+        "points": np.zeros(3 * 27, np.float32),
+        "cells": [cells] * 3,
+        "kept": 4,
+    }
+    given |= {
+        "points": {"points": np.zeros(80, np.float32)},
+        "cells": {"cells": [cells, cells, cells + 2]},
+        "kept": {"kept": 5},
+    }[parameter]
+    with pytest.raises(ParameterError, match=parameter):
+        _core.point_distances(
+            given["points"],
+            [3, 3, 3],
+            given["cells"],
+            [fractions] * 3,
+            count=1,
+            kept=given["kept"],
+            farthest=1.0,
+        )

@@ -83,6 +83,15 @@ def test_the_number_of_threads_does_not_change_a_bit() -> None:
     np.testing.assert_array_equal(one, whole(made, (0, 0, 0), (40, 33, 20), threads=3))
 
 
+@pytest.mark.parametrize("axes", [2, 3])
+def test_the_size_of_a_tile_does_not_change_the_field(axes: int) -> None:
+    shape = (1, 70, 50) if axes == 2 else (20, 40, 33)
+    expected = whole(tiles(axes=axes, points=(1,)), (0, 5, -7), shape)
+    edge = (1, 10, 24) if axes == 2 else (7, 48, 16)
+    found = whole(tiles(axes=axes, points=(1,), edge=edge), (0, 5, -7), shape)
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
 def test_the_field_is_unbounded() -> None:
     made = tiles(axes=2)
     far = 40_000_000

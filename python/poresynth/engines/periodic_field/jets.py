@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from poresynth.engines.periodic_field.distributions import DistributionLoss
+from poresynth.engines.periodic_field.distributions import DistributionLoss, quantiles
 from poresynth.engines.periodic_field.windows import Windows
 
 __all__ = ["NODES", "JetLoss", "invariants"]
@@ -72,8 +72,7 @@ class JetLoss(DistributionLoss):
         # The narrowest is there in the smallest exemplar, too.
         widths = [s for s in SPACINGS if s * (NODES - 1) <= max(reach, NODES - 1)]
         self.offsets = [[torch.arange(NODES) * s] * axes for s in widths]
-        middle = (torch.arange(self.places * (NODES - 2) ** axes) + 0.5) / self.places
-        middle = middle / (NODES - 2) ** axes
+        samples = self.places * (NODES - 2) ** axes
         self._sizes: list[tuple[Tensor, Tensor]] = []
         self._sums: list[Tensor] = []
         tables = []
@@ -91,8 +90,7 @@ class JetLoss(DistributionLoss):
             own = torch.eye(small.shape[1]).to(small)
             spread = small.std(0).clamp(min=1e-9)
             self._sums.append(torch.cat([own, drawn]) / spread)
-            answers = (small @ self._sums[-1].T).sort(0).values
-            tables.append(answers[(middle * len(answers)).long().to(answers.device)])
+            tables.append(quantiles(small @ self._sums[-1].T, samples))
         self.tables = tables
 
     def responses(self, field: Tensor, grid: int) -> Tensor:

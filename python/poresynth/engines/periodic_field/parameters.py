@@ -94,6 +94,7 @@ PRESETS: dict[Preset, dict[int, dict[str, Any]]] = {
             "latents": {2: 12, 3: 18}[axes],
             "groups": {2: 4, 3: 2}[axes],
             "octaves": {2: 2, 3: 1}[axes],
+            "places": {2: 1024, 3: 512}[axes],
             "batch": 4,
             "diagonal": axes == 2,
             "iterations": 600,

@@ -7,7 +7,7 @@ import math
 import torch
 from torch import Tensor
 
-from poresynth.engines.periodic_field.distributions import DistributionLoss
+from poresynth.engines.periodic_field.distributions import DistributionLoss, quantiles
 from poresynth.engines.periodic_field.windows import Windows
 
 __all__ = ["ResponseLoss"]
@@ -83,17 +83,15 @@ class ResponseLoss(DistributionLoss):
         self._weights = torch.stack(
             [_filters(filters, channels, count, taps, random) for _ in range(grids)]
         ).to(device)
-        self.tables = torch.stack([self._quantiles(windows, grid, random) for grid in range(grids)])
+        tables = []
+        for grid, offsets in enumerate(self.offsets):
+            drawn = windows.draw(list(offsets), _TABLE_PLACES, random)
+            tables.append(quantiles(self.responses(drawn, grid), places))
+        self.tables = tables
 
     def responses(self, field: Tensor, grid: int) -> Tensor:
         """Return weighted sums, shape (place, channel, node, …) → (place, filter)."""
         return field.flatten(1) @ self._weights[grid].T
-
-    def _quantiles(self, windows: Windows, grid: int, random: torch.Generator) -> Tensor:
-        """Return sorted responses of the exemplar, shape (place, filter)."""
-        drawn = windows.draw(list(self.offsets[grid]), _TABLE_PLACES, random)
-        middle = (torch.arange(self.places, device=drawn.device) + 0.5) / self.places
-        return torch.quantile(self.responses(drawn, grid), middle, dim=0)
 
 
 def _lines(axes: int, nodes: int, reach: int, random: torch.Generator) -> Tensor:

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from poresynth.engines.neural.noise import mix_seed
 from poresynth.engines.neural.tiles import assemble
+from poresynth.engines.periodic_field.distributions import quantiles
 from poresynth.engines.periodic_field.jets import JetLoss
 from poresynth.engines.periodic_field.latent import LatentField
 from poresynth.engines.periodic_field.period import WAVELENGTHS, Period
@@ -208,7 +209,7 @@ def choose_start(
                 called = _called(name, sign)
                 if model not in (None, called):
                     continue
-                knots = _quantiles(sign * scores.flatten())
+                knots = quantiles(sign * scores.flatten(), _KNOTS)
                 error = exemplar.error(_ranked(sign * scores, knots, exemplar.fields))
                 found.append(
                     Start(
@@ -233,7 +234,7 @@ def choose_start(
                 for k in range(_SEEDS)
             ]
         )
-        knots = _quantiles(scores.flatten())
+        knots = quantiles(scores.flatten(), _KNOTS)
         errors = [exemplar.error(_ranked(one, knots, exemplar.fields)) for one in scores]
         final.append(replace(start, scores=knots, error=float(np.mean(errors))))
     best = min(final, key=lambda start: start.error)
@@ -256,7 +257,10 @@ def _made(
     axes = latent.axes
     shape = (1, edge, edge) if axes == 2 else (edge, edge, edge)
     frame = Frame.open(period, latent.spacing, [False] * axes)
-    made = assemble(FieldTiles(_Sums(axes, weights), latent, frame, seed=seed), (0, 0, 0), shape)
+    # A tile takes some milliseconds, whatever its size.
+    half = (1 if axes == 2 else edge // 2, edge // 2, edge // 2)
+    tiles = FieldTiles(_Sums(axes, weights), latent, frame, seed=seed, edge=half)
+    made = assemble(tiles, (0, 0, 0), shape)
     # Tiles go from −1 to 1 where networks go from 0 to 1.
     return (torch.from_numpy(made).reshape(-1, *shape[3 - axes :]) + 1) / 2
 
@@ -317,7 +321,7 @@ class _Exemplar:
     def _in_order(self, field: Tensor) -> Tensor:
         """Return the field from low to high, means of equal shares, shape (_KNOTS, channel)."""
         if len(field) == 1:
-            return _quantiles(field.flatten())[:, None]
+            return quantiles(field.flatten(), _KNOTS)[:, None]
         order = self._leading(field).flatten().argsort()
         at = ((torch.arange(_KNOTS) + 0.5) / _KNOTS * len(order)).long()
         # Of colours in the same place of the order the mean: one alone is any of them.
@@ -358,12 +362,6 @@ def _weights(near: Sequence[float], latent: LatentField) -> list[float]:
     if not near:
         return [0.0] * (latent.size - count) + [1.0] * count
     return [*near, *[0.0] * (latent.size - len(near))]
-
-
-def _quantiles(values: Tensor) -> Tensor:
-    """Return the middles of as many equal shares of the values, ascending."""
-    at = ((torch.arange(_KNOTS) + 0.5) / _KNOTS * values.numel()).long()
-    return values.sort().values[at]
 
 
 def _ranked(scores: Tensor, knots: Tensor, fields: Tensor) -> Tensor:

@@ -74,9 +74,10 @@ class FieldStep:
         # Distances to points do not tell how they change with the period, and where nothing but the
         # latent field tells places apart their spacing is chosen already.
         learned = p.learn_period and not (p.points and not generator.encoded.any())
+        generator.scale.requires_grad_(learned)
         networks: dict[str, nn.Module] = {"generator": generator}
         groups: list[dict[str, Any]] = [
-            {"params": [generator.scale], "lr": p.period_rate if learned else 0.0},
+            {"params": [generator.scale], "lr": p.period_rate},
             {"params": [t for t in generator.parameters() if t is not generator.scale]},
         ]
         optimizers: dict[str, torch.optim.Optimizer] = {
