@@ -21,6 +21,7 @@ pub(super) fn sum(n: usize, term: impl Fn(Range<usize>) -> f64 + Sync) -> f64 {
 }
 
 /// Scalar product.
+#[cfg(test)]
 pub(super) fn dot<T: Copy + Into<f64> + Sync>(a: &[T], b: &[T]) -> f64 {
     sum(a.len(), |range| {
         a[range.clone()].iter().zip(&b[range]).map(|(&a, &b)| a.into() * b.into()).sum()

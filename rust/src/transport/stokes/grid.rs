@@ -10,11 +10,6 @@ use crate::monitor::Monitor;
 use crate::transport::pore::PoreSpace;
 use crate::transport::vectors::{CHUNK, Parts};
 
-/// Velocities through the faces after a voxel along axes 0, 1, 2, and the pressure at its centre.
-pub(super) type Unknowns = [f32; 4];
-/// The place of the pressure.
-pub(super) const PRESSURE: usize = 3;
-
 /// Marks that no node touches another on a side.
 const NONE: u16 = u16::MAX;
 
@@ -25,9 +20,10 @@ pub(super) struct Grid<'a> {
     places: Places<'a>,
     /// Which node of the row on each side, before and after along axes 0, 1, 2, touches each node.
     links: Vec<[u16; 6]>,
-    /// 1 / diagonal of the viscous operator for the three velocities, 0 where there is no velocity;
-    /// then 0 for the pressure.
-    pub inverse: Vec<Unknowns>,
+    /// Diagonal of the viscous operator for the velocities through the faces after each node along the
+    /// three axes, 0 where there is no velocity. Not its inverse: between wide walls a rounding of 6 is
+    /// felt.
+    pub diagonals: Vec<[f32; 3]>,
     /// 1 / h² along each axis.
     pub weights: [f32; 3],
     /// 1 / h along each axis.
@@ -55,13 +51,14 @@ impl<'a> Grid<'a> {
             space,
             places,
             links: Vec::new(),
-            inverse: Vec::new(),
+            diagonals: Vec::new(),
             weights: spacing.map(|h| (1.0 / h.powi(2)) as f32),
             slopes: spacing.map(|h| (1.0 / h) as f32),
             parts,
         };
         let places = &grid.places;
-        let (mut links, mut inverse) = (vec![[NONE; 6]; grid.len()], vec![[0.0; 4]; grid.len()]);
+        let mut links = vec![[NONE; 6]; grid.len()];
+        let mut diagonals = vec![[0.0; 3]; grid.len()];
         let nodes_of =
             |row: usize| (0..n2).map(move |x| [row, x]).filter(|&at| places.node(at).is_some());
         grid.for_rows(&mut links, monitor, |row, sides, links| {
@@ -75,16 +72,16 @@ impl<'a> Grid<'a> {
             0.0
         });
         let weights = grid.weights;
-        grid.for_rows(&mut inverse, monitor, |row, _, inverse| {
-            for (inverse, at) in inverse.iter_mut().zip(nodes_of(row)) {
+        grid.for_rows(&mut diagonals, monitor, |row, _, diagonals| {
+            for (diagonal, at) in diagonals.iter_mut().zip(nodes_of(row)) {
                 for axis in (0..3).filter(|&axis| places.has_velocity(at, axis)) {
-                    inverse[axis] = 1.0 / places.viscous_diagonal(at, axis, weights);
+                    diagonal[axis] = places.viscous_diagonal(at, axis, weights);
                 }
             }
             0.0
         });
         monitor.check()?;
-        (grid.links, grid.inverse) = (links, inverse);
+        (grid.links, grid.diagonals) = (links, diagonals);
         Ok(grid)
     }
 
@@ -105,71 +102,69 @@ impl<'a> Grid<'a> {
         }
     }
 
-    /// Applies the whole operator at a node of a row.
+    /// Applies the viscous operator A for the velocities along an axis at a node of a row.
     #[inline(always)]
-    pub fn apply(&self, row: &Row, node: usize, x: &[Unknowns]) -> Unknowns {
-        let around = self.around(row, node, x);
-        let own = x[node];
-        let mut out = self.viscous(node, own, &around);
-        let mut divergence = 0.0;
-        for axis in 0..3 {
-            let slope = self.slopes[axis];
-            if self.inverse[node][axis] > 0.0 {
-                out[axis] += slope * (around[2 * axis + 1][PRESSURE] - own[PRESSURE]);
+    pub fn viscous(&self, axis: usize, row: &Row, node: usize, u: &[f32]) -> f32 {
+        let diagonal = self.diagonals[node][axis];
+        if diagonal == 0.0 {
+            return 0.0;
+        }
+        let at = |side: usize| self.beside(row, node, side, u);
+        let [w0, w1, w2] = self.weights;
+        let sum = w0 * (at(0) + at(1)) + w1 * (at(2) + at(3)) + w2 * (at(4) + at(5));
+        diagonal * u[node] - sum
+    }
+
+    /// The slope G p of a pressure through the face after a node of a row along an axis.
+    #[inline(always)]
+    pub fn slope(&self, axis: usize, row: &Row, node: usize, p: &[f32]) -> f32 {
+        let after = self.beside(row, node, 2 * axis + 1, p);
+        if self.diagonals[node][axis] > 0.0 { self.slopes[axis] * (after - p[node]) } else { 0.0 }
+    }
+
+    /// The value on a side of a node of a row, 0 where there is no node.
+    #[inline(always)]
+    fn beside(&self, row: &Row, node: usize, side: usize, values: &[f32]) -> f32 {
+        let link = self.links[node][side];
+        let there = row.firsts[side] as usize + usize::from(link);
+        values[if link == NONE { self.links.len() - 1 } else { there }]
+    }
+
+    /// Adds what flows into each voxel along an axis, Gᵀ u, times a factor.
+    pub fn add_inflow(
+        &self,
+        axis: usize,
+        u: &[f32],
+        factor: f32,
+        sums: &mut [f32],
+        monitor: &Monitor<'_>,
+    ) {
+        let factor = factor * self.slopes[axis];
+        self.for_rows(sums, monitor, |_, row, sums| {
+            for (node, sum) in row.nodes.clone().zip(sums) {
+                *sum += factor * (self.beside(row, node, 2 * axis, u) - u[node]);
             }
-            divergence += slope * (around[2 * axis][axis] - own[axis]);
-        }
-        out[PRESSURE] = if node < self.space.len() { divergence } else { 0.0 };
-        out
+            0.0
+        });
     }
 
-    /// Applies the viscous operator A at a node; the pressure becomes 0.
-    #[inline(always)]
-    pub fn viscous(&self, node: usize, own: Unknowns, around: &[Unknowns; 6]) -> Unknowns {
-        let (inverse, sum) = (&self.inverse[node], self.weighted_sum(around));
-        let mut out = [0.0; 4];
-        for i in 0..4 {
-            out[i] = if inverse[i] > 0.0 { own[i] / inverse[i] - sum[i] } else { 0.0 };
-        }
-        out
-    }
-
-    /// What the neighbours add to A, but for the sign.
-    #[inline(always)]
-    pub fn weighted_sum(&self, around: &[Unknowns; 6]) -> Unknowns {
-        let mut sum = [0.0; 4];
-        for axis in 0..3 {
-            for (i, sum) in sum.iter_mut().enumerate() {
-                *sum += self.weights[axis] * (around[2 * axis][i] + around[2 * axis + 1][i]);
-            }
-        }
-        sum
-    }
-
-    /// The unknowns round a node of a row.
-    #[inline(always)]
-    pub fn around(&self, row: &Row, node: usize, x: &[Unknowns]) -> [Unknowns; 6] {
-        let links = &self.links[node];
-        let none = self.links.len() - 1;
-        // Spelled out: `map` is not inlined here, which costs a quarter of the time.
-        let at = |side: usize| {
-            let there = row.firsts[side] as usize + usize::from(links[side]);
-            x[if links[side] == NONE { none } else { there }]
-        };
-        [at(0), at(1), at(2), at(3), at(4), at(5)]
-    }
-
-    /// The sum of the velocities along axis 0 behind each plane, that before the inlet first.
-    pub fn fluxes(&self, values: &[Unknowns]) -> Vec<f64> {
+    /// Adds the flow of velocities along axis 0 through each plane, that before the inlet first, times
+    /// a factor.
+    pub fn add_fluxes(&self, u: &[f32], factor: f32, sums: &mut [f64]) {
         let [n0, n1, _] = self.space.shape;
-        let of_plane = |plane: usize| {
+        let planes = self.planes();
+        sums.par_iter_mut().enumerate().for_each(|(i, sum)| {
+            // The copy of the first plane, if there is one, comes last.
+            let plane = (n0 + i) % planes;
             let [first, last] = [plane * n1, (plane + 1) * n1 - 1];
             let nodes = self.places.nodes_of(first).start..self.places.nodes_of(last).end;
-            values[nodes].iter().map(|unknowns| f64::from(unknowns[0])).sum::<f64>()
-        };
-        // The copy of the first plane, if there is one, comes last.
-        let planes = self.places.rows() / n1;
-        (n0..planes).chain(0..n0).collect::<Vec<_>>().into_par_iter().map(of_plane).collect()
+            *sum += f64::from(factor) * u[nodes].iter().map(|&u| f64::from(u)).sum::<f64>();
+        });
+    }
+
+    /// Number of planes that a flow passes.
+    pub fn planes(&self) -> usize {
+        self.places.rows() / self.space.shape[1]
     }
 
     /// Calls `work(number of a row, the row, its part of `out`)` for each row; returns the sum of what

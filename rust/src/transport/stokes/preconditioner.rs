@@ -1,105 +1,54 @@
-//! A symmetric positive preconditioner of two blocks for the Stokes operator.
+//! A symmetric positive preconditioner for the pressure.
 //!
-//! Velocities: a Chebyshev polynomial of the viscous operator A. Pressure: the Schur complement
-//! Gᵀ A⁻¹ G is the identity for changes from voxel to voxel, and for slow changes Darcy's operator
-//! Gᵀ K G, where K = A⁻¹ 1 is how easily each face lets a fluid pass if pressure does not react. Its
-//! inverse is taken as the sum of both inverses (after Cahouet and Chabard 1988), the second by a
-//! multigrid cycle.
+//! The Schur complement Gᵀ A⁻¹ G is the identity for changes from voxel to voxel, and for slow changes
+//! Darcy's operator Gᵀ K G, where K = A⁻¹ 1 is how easily each face lets a fluid pass if pressure does
+//! not react. Its inverse is taken as the sum of both inverses (after Cahouet and Chabard 1988), the
+//! second by a multigrid cycle.
 
 use std::ops::Range;
 
 use half::f16;
 use multiversion::multiversion;
 
-use super::grid::{Grid, PRESSURE, Unknowns};
+use super::grid::Grid;
+use super::viscous::Viscous;
 use crate::error::Result;
 use crate::monitor::Monitor;
-use crate::transport::chebyshev;
 use crate::transport::compact::widen;
 use crate::transport::finest::Cycle;
 use crate::transport::links::{self, Conductances, Real};
 use crate::transport::pore::PoreSpace;
-use crate::transport::vectors::{for_chunks, sum};
+use crate::transport::vectors::for_chunks;
 
 /// Relative residual of K: more exact does not save iterations.
 const CONDUCTANCE_TOLERANCE: f64 = 0.02;
-/// Most iterations for K.
-const CONDUCTANCE_ITERATIONS: usize = 200;
-
-/// Degree of the Chebyshev polynomial.
-const DEGREE: usize = 8;
-/// Eigenvalues of D⁻¹A that it is made for: all, but for the slow ones of wide pores. From degree 4
-/// to 14 and from 0.01 to 0.1 the time to a solution changes by less than a quarter for a sandstone.
-const EIGENVALUES: [f32; 2] = [0.02, 2.0];
 
 pub(super) struct Preconditioner<'a> {
-    pressures: Cycle<Darcy<'a>>,
-    other: Vec<Unknowns>,
+    darcy: Cycle<Darcy<'a>>,
+    /// What the solution of the cycle is to be multiplied by.
+    scale: f32,
 }
 
 impl<'a> Preconditioner<'a> {
-    pub fn new(grid: &Grid<'a>, monitor: &Monitor<'_>) -> Result<Self> {
-        let pressures =
-            Cycle::new(Darcy::new(grid, &conductances(grid, monitor)?, monitor), monitor)?;
-        Ok(Self { pressures, other: vec![[0.0; 4]; grid.len()] })
+    pub fn new(grid: &Grid<'a>, viscous: &mut Viscous, monitor: &Monitor<'_>) -> Result<Self> {
+        let darcy = Cycle::new(Darcy::new(grid, viscous, monitor)?, monitor)?;
+        Ok(Self { darcy, scale: 0.0 })
     }
 
-    /// z ← P⁻¹ r.
-    pub fn apply(
-        &mut self,
-        grid: &Grid<'_>,
-        r: &[Unknowns],
-        z: &mut Vec<Unknowns>,
-        monitor: &Monitor<'_>,
-    ) {
-        self.velocities(grid, r, z, monitor);
+    /// Prepares z ← P⁻¹ r for a residual r.
+    pub fn run(&mut self, residual: &[f32], monitor: &Monitor<'_>) {
         let right = |voxels: Range<usize>, out: &mut Vec<f32>| {
             out.clear();
-            out.extend(r[voxels].iter().map(|r| r[PRESSURE]));
+            out.extend_from_slice(&residual[voxels]);
         };
-        let scale = self.pressures.run(right, monitor) as f32;
-        let pressures = &self.pressures.solution;
-        for_chunks(&mut z[..pressures.len()], monitor, |first, z| {
-            let mut added = Vec::new();
-            widen(&pressures[first..first + z.len()], &mut added);
-            for ((z, r), added) in z.iter_mut().zip(&r[first..]).zip(added) {
-                z[PRESSURE] = r[PRESSURE] + scale * added;
-            }
-        });
+        self.scale = self.darcy.run(right, monitor) as f32;
     }
 
-    /// Chebyshev iteration for A z = r from zero, of which each step overwrites the values of two
-    /// steps before; pressures become 0.
-    fn velocities(
-        &mut self,
-        grid: &Grid<'_>,
-        r: &[Unknowns],
-        z: &mut Vec<Unknowns>,
-        monitor: &Monitor<'_>,
-    ) {
-        let [(_, first), factors @ ..] = chebyshev::factors::<DEGREE>(EIGENVALUES);
-        self.other.fill([0.0; 4]);
-        for_chunks(z, monitor, |start, z| {
-            for (i, z) in z.iter_mut().enumerate() {
-                let (inverse, right) = (&grid.inverse[start + i], &r[start + i]);
-                *z = [0, 1, 2, 3].map(|c| first * inverse[c] * right[c]);
-            }
-        });
-        for (keep, add) in factors {
-            grid.for_rows(&mut self.other, monitor, |_, row, other| {
-                for (node, other) in row.nodes.clone().zip(other) {
-                    let (inverse, right) = (&grid.inverse[node], &r[node]);
-                    let own = &z[node];
-                    let sum = grid.weighted_sum(&grid.around(row, node, z));
-                    for c in 0..4 {
-                        // D⁻¹ (r − A z)
-                        let residual = inverse[c] * (right[c] + sum[c]) - own[c];
-                        other[c] = own[c] + keep * (own[c] - other[c]) + add * residual;
-                    }
-                }
-                0.0
-            });
-            std::mem::swap(z, &mut self.other);
+    /// Writes z of some voxels, of the residual that was prepared.
+    pub fn pressures(&self, residual: &[f32], voxels: Range<usize>, out: &mut Vec<f32>) {
+        widen(&self.darcy.solution[voxels.clone()], out);
+        for (z, r) in out.iter_mut().zip(&residual[voxels]) {
+            *z = r + self.scale * *z;
         }
     }
 }
@@ -116,19 +65,23 @@ struct Darcy<'a> {
 }
 
 impl<'a> Darcy<'a> {
-    fn new(grid: &Grid<'a>, conductances: &[Unknowns], monitor: &Monitor<'_>) -> Self {
-        let (voxels, before) = conductances.split_at(grid.space.len());
-        let along = |axis: usize, all: &[Unknowns]| {
-            all.iter().map(|k| k[axis] * grid.weights[axis]).collect()
-        };
+    fn new(grid: &Grid<'a>, viscous: &mut Viscous, monitor: &Monitor<'_>) -> Result<Self> {
         let mut darcy = Self {
             space: grid.space,
-            after: [0, 1, 2].map(|axis| along(axis, voxels)),
-            inlet: along(0, before),
+            after: Default::default(),
+            inlet: Vec::new(),
             diagonals: Vec::new(),
         };
+        for axis in 0..3 {
+            let mut along = conductances(grid, viscous, axis, monitor)?;
+            let before = along.split_off(grid.space.len());
+            if axis == 0 {
+                darcy.inlet = before;
+            }
+            darcy.after[axis] = along;
+        }
         darcy.diagonals = links::all_diagonals(&darcy, |sum| sum, monitor);
-        darcy
+        Ok(darcy)
     }
 }
 
@@ -171,74 +124,29 @@ fn gather(darcy: &Darcy<'_>, rows: Range<usize>, values: &[f16], inflow: &mut Ve
     links::gather(darcy, rows, values, inflow);
 }
 
-/// K = A⁻¹ 1 for the velocities of all three axes, roughly, by conjugate gradients.
-fn conductances(grid: &Grid<'_>, monitor: &Monitor<'_>) -> Result<Vec<Unknowns>> {
-    let ones = |d: &Unknowns| d.map(|d| if d > 0.0 { 1.0 } else { 0.0 });
-    let mut residual: Vec<Unknowns> = grid.inverse.iter().map(ones).collect();
-    let mut solution = vec![[0.0f32; 4]; grid.len()];
-    let mut direction = solution.clone();
-    let mut image = solution.clone();
-    let (mut before, mut first) = (0.0, 0.0);
-    let mut iterations = 0;
-    loop {
-        monitor.check()?;
-        let product = sum(grid.len(), |nodes| {
-            let each = residual[nodes.clone()].iter().zip(&grid.inverse[nodes]);
-            each.map(|(r, d)| (0..4).map(|c| f64::from(r[c] * r[c] * d[c])).sum::<f64>()).sum()
-        });
-        if iterations == 0 {
-            first = product;
-        }
-        let reached = product <= first * CONDUCTANCE_TOLERANCE.powi(2);
-        if reached || iterations == CONDUCTANCE_ITERATIONS {
-            break;
-        }
-        let ratio = if iterations == 0 { 0.0 } else { (product / before) as f32 };
-        for_chunks(&mut direction, monitor, |first, direction| {
-            for (i, direction) in direction.iter_mut().enumerate() {
-                let (r, d) = (&residual[first + i], &grid.inverse[first + i]);
-                *direction = [0, 1, 2, 3].map(|c| ratio * direction[c] + r[c] * d[c]);
-            }
-        });
-        let curvature = grid.for_rows(&mut image, monitor, |_, row, image| {
-            let mut curvature = 0.0;
-            for (node, image) in row.nodes.clone().zip(image) {
-                let own = direction[node];
-                *image = grid.viscous(node, own, &grid.around(row, node, &direction));
-                curvature += (0..4).map(|c| f64::from(own[c] * image[c])).sum::<f64>();
-            }
-            curvature
-        });
-        if curvature <= 0.0 {
-            break;
-        }
-        let length = (product / curvature) as f32;
-        combine(&mut solution, [1.0, length], &direction, monitor);
-        combine(&mut residual, [1.0, -length], &image, monitor);
-        before = product;
-        iterations += 1;
-    }
-    // An error of the iteration must not make a conductance negative.
-    for_chunks(&mut solution, monitor, |first, solution| {
-        for (k, inverse) in solution.iter_mut().zip(&grid.inverse[first..]) {
-            *k = [0, 1, 2, 3].map(|c| k[c].max(inverse[c] / 2.0));
-        }
-    });
-    Ok(solution)
-}
-
-/// a ← keep · a + factor · b.
-pub(super) fn combine(
-    a: &mut [Unknowns],
-    [keep, factor]: [f32; 2],
-    b: &[Unknowns],
+/// K = A⁻¹ 1 for the velocities of an axis, roughly, by the square of the step.
+fn conductances(
+    grid: &Grid<'_>,
+    viscous: &mut Viscous,
+    axis: usize,
     monitor: &Monitor<'_>,
-) {
-    for_chunks(a, monitor, |first, a| {
-        for (a, b) in a.iter_mut().zip(&b[first..]) {
-            for (a, b) in a.iter_mut().zip(b) {
-                *a = keep * *a + factor * *b;
+) -> Result<Vec<f32>> {
+    let mut found = vec![0.0f32; grid.len()];
+    let add = |u: &[f32], length: f32| {
+        for_chunks(&mut found, monitor, |first, found| {
+            for (found, u) in found.iter_mut().zip(&u[first..]) {
+                *found += length * u;
+            }
+        });
+    };
+    viscous.solve(grid, axis, CONDUCTANCE_TOLERANCE, |_, _| 1.0, add, monitor)?;
+    // An error of the iteration must not make a conductance negative.
+    for_chunks(&mut found, monitor, |first, found| {
+        for (k, diagonal) in found.iter_mut().zip(&grid.diagonals[first..]) {
+            if diagonal[axis] > 0.0 {
+                *k = k.max(0.5 / diagonal[axis]) * grid.weights[axis];
             }
         }
     });
+    Ok(found)
 }
