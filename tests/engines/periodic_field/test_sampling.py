@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from typing import Any
 
@@ -15,7 +16,7 @@ from poresynth.engines.neural.tiles import assemble
 from poresynth.engines.periodic_field.generator import Generator
 from poresynth.engines.periodic_field.guidance import Guide
 from poresynth.engines.periodic_field.latent import LatentField
-from poresynth.engines.periodic_field.sampling import FieldTiles, Frame
+from poresynth.engines.periodic_field.sampling import FieldTiles, Frame, tile_memory
 from poresynth.errors import ParameterError
 
 PERIOD = (10.0, 12.5, 9.0)
@@ -90,6 +91,14 @@ def test_the_size_of_a_tile_does_not_change_the_field(axes: int) -> None:
     edge = (1, 10, 24) if axes == 2 else (7, 48, 16)
     found = whole(tiles(axes=axes, points=(1,), edge=edge), (0, 5, -7), shape)
     np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+def test_the_memory_of_a_tile_has_room_for_its_latent_values(axes: int) -> None:
+    made = tiles(axes=axes, points=(1,))
+    values = made._latent.size * math.prod(made.edge)
+    found = tile_memory(made.device, axes, latents=made._latent.size, width=16)
+    assert 4 * values < found < 4 * 6 * values
 
 
 def test_the_field_is_unbounded() -> None:

@@ -25,7 +25,7 @@ from poresynth.engines.periodic_field.latent import LatentField
 from poresynth.engines.periodic_field.options import FieldOptions
 from poresynth.engines.periodic_field.parameters import FieldParameters, Preset, resolve
 from poresynth.engines.periodic_field.period import Period, starting_period
-from poresynth.engines.periodic_field.sampling import FieldTiles, Frame
+from poresynth.engines.periodic_field.sampling import FieldTiles, Frame, tile_memory
 from poresynth.engines.periodic_field.scaling import DistanceScaling
 from poresynth.engines.periodic_field.start import Start, choose_start, spacings
 from poresynth.engines.periodic_field.training import FieldStep
@@ -606,9 +606,12 @@ compile, device, evaluate_every, patience, training_seed
         return frame.periodic(edges) if boundary == "periodic" else (frame, (1.0,) * len(edges))
 
     def _tile_memory(self) -> int:
-        """Return what the layers of a tile take: input and output of the widest."""
-        points = 4096 if self._device.type == "cpu" else 1 << 18
-        return 4 * 3 * max(self.parameters_.width, self._latent_field(()).size) * points
+        return tile_memory(
+            self._device,
+            _axes(self.exemplar_),
+            latents=self._latent_field(()).size,
+            width=self.parameters_.width,
+        )
 
     def _voxel_size(self, options: Any) -> tuple[float, float, float]:
         z, y, x = (edge / options.resolution for edge in self.exemplar_.voxel_size)
