@@ -230,7 +230,7 @@ def permeability(
         permeability of blobs, a sandstone, noise and a foam is then right to 0.06 %, or 0.01 % at
         1e-4; flows through planes differ by more, see ``flux_mismatch``.
     iterations : int, default 1000
-        Iterations after which to give up; a sandstone of 200³ voxels takes 10, a foam 8.
+        Iterations after which to give up; a sandstone of 200³ voxels takes 11, a foam 8.
     threads : int, default 0
         Number of threads; 0 takes all cores. The values do not depend on it.
     progress : callable, optional
@@ -259,8 +259,9 @@ def permeability(
     h³ / 12 for every whole h. Elsewhere a stair of voxels is not the wall that it stands for. By
     the exact values: square ducts of 1, 4, 8 voxels 1.19, 1.06, 1.02; tubes of the radius 3, 6, 10,
     20 within ±26, 6, 2, 1 %; simple cubic arrays of spheres in cells of 16, 32, 48 voxels within
-    11, 4, 2 %. Peak memory: 5 bytes a voxel (9 with a periodic boundary) or, if that is more, 76
-    bytes a percolating voxel.
+    11, 4, 2 %. Peak memory: 5 bytes a voxel (9 with a periodic boundary) or, if that is more, 6
+    bytes a voxel and 11 more a percolating voxel, 20 in narrow pores: 15 bytes a voxel for the
+    pores of a foam, 9 for a sandstone.
 
     See Also
     --------

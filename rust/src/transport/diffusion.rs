@@ -10,13 +10,13 @@
 use std::ops::Range;
 
 use half::f16;
-use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::Settings;
 use super::compact::{Long, narrow, single, widen};
+use super::even::Even;
 use super::finest::Cycle;
-use super::links::{self, Conductances, Real, shared};
+use super::links::shared;
 use super::pore::PoreSpace;
 use crate::error::Result;
 use crate::monitor::Monitor;
@@ -49,16 +49,21 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
             iterations: 0,
         });
     }
-    let mut cycle = Cycle::new(Problem::new(space, settings, monitor), monitor)?;
-    let mut fluxes = cycle.links.fluxes(1.0, |_| 0.0);
-    let mut energy = cycle.links.even_energy(&fluxes);
-    let mut residual = cycle.links.sources(monitor);
-    let mut direction = vec![f16::ZERO; space.len()];
+    let [h, ..] = settings.spacing;
+    let weights = settings.spacing.map(|s| (h / s).powi(2));
+    let mut degrees = vec![0; space.len()];
+    let problem = Problem(Even::new(space, weights, &mut degrees, monitor));
+    let mut cycle = Cycle::new(&problem.0, monitor)?;
+    let mut fluxes = problem.fluxes(1.0, |_| 0.0);
+    let mut energy = problem.even_energy(&fluxes);
+    let mut residual = problem.sources(monitor);
+    let [mut solution, mut other, mut direction] = [0, 1, 2].map(|_| vec![f16::ZERO; space.len()]);
     let (mut before, mut last, mut first) = (0.0, 1.0, None);
     let mut iterations = 0;
     let error = loop {
         monitor.check()?;
-        let scale = cycle.run(|voxels, out| single(&residual[voxels], out), monitor);
+        let right = |voxels: Range<usize>, out: &mut Vec<f32>| single(&residual[voxels], out);
+        let scale = cycle.run(&problem.0, right, [&mut solution, &mut other], monitor);
         if scale == 0.0 {
             break 0.0;
         }
@@ -69,7 +74,7 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
                 values.iter().zip(&residual[own]).map(|(&v, r)| f64::from(v) * r.get()).sum()
             })
         };
-        let product = scale * down(&cycle.solution);
+        let product = scale * down(&solution);
         // product ≈ |error|² in the energy norm.
         let error = (product / energy).sqrt();
         report(monitor, error, *first.get_or_insert(error), settings.tolerance);
@@ -80,7 +85,7 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
         let ratio = if iterations == 0 { 0.0 } else { product / before * last / scale };
         space.parts.map(&mut direction, monitor, |_, first, direction| {
             let (mut new, mut old) = (Vec::new(), Vec::new());
-            widen(&cycle.solution[first..first + direction.len()], &mut new);
+            widen(&solution[first..first + direction.len()], &mut new);
             widen(direction, &mut old);
             for (new, old) in new.iter_mut().zip(old) {
                 *new += ratio as f32 * old;
@@ -88,18 +93,18 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
             narrow(&mut new, direction);
         });
         // The direction has been rounded: what follows is exact for it as it is.
-        let (slope, curvature) = (down(&direction), cycle.links.energy(&direction));
+        let (slope, curvature) = (down(&direction), problem.energy(&direction));
         if curvature <= 0.0 {
             break error;
         }
         let length = slope / curvature;
         energy -= length * slope;
-        let added = cycle.links.fluxes(0.0, |voxel| direction[voxel].to_f64());
+        let added = problem.fluxes(0.0, |voxel| direction[voxel].to_f64());
         for (flux, added) in fluxes.iter_mut().zip(added) {
             *flux += length * added;
         }
         space.parts.map(&mut residual, monitor, |rows, _, residual| {
-            let outflow = cycle.links.outflow(rows, &direction);
+            let outflow = problem.0.outflow(rows, &direction);
             for (r, outflow) in residual.iter_mut().zip(outflow) {
                 *r = Long::new(r.get() - length * outflow);
             }
@@ -109,7 +114,7 @@ pub fn diffuse(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) ->
         iterations += 1;
     };
     Ok(Diffusion {
-        diffusivity: energy / (voxels(space.shape) as f64 * cycle.links.weights[0]),
+        diffusivity: energy / (voxels(space.shape) as f64 * problem.0.weights[0]),
         flux_mismatch: mismatch(&fluxes),
         residual: error,
         iterations,
@@ -132,101 +137,15 @@ pub(super) fn mismatch(fluxes: &[f64]) -> f64 {
 }
 
 /// The system of equations, for a fall of 1 from plane to plane.
-struct Problem<'a> {
-    space: &'a PoreSpace,
-    /// Conductance between neighbours along each axis.
-    weights: [f64; 3],
-    /// The same in single precision.
-    single: [f32; 3],
-    /// How many links each voxel has along the axes: in bits 0 to 2, one to inlet or outlet counting
-    /// as two, bits 3 and 4, and the rest.
-    degrees: Vec<u8>,
-    /// Sum of the conductances for each degree.
-    diagonals: Vec<f64>,
-}
+struct Problem<'a>(Even<'a>);
 
-impl Conductances for Problem<'_> {
-    fn space(&self) -> &PoreSpace {
-        self.space
-    }
-
-    fn gather(&self, rows: Range<usize>, values: &[f16], inflow: &mut Vec<f32>) {
-        gather(self, rows, values, inflow);
-    }
-
-    #[inline(always)]
-    fn after<T: Real>(&self, axis: usize, _: usize) -> T {
-        T::either(self.single[axis], self.weights[axis])
-    }
-
-    // f16 a voxel away.
-    #[inline(always)]
-    fn inlet(&self, _: usize) -> f32 {
-        2.0 * self.weights[0] as f32
-    }
-
-    #[inline(always)]
-    fn outlet(&self, _: usize) -> f32 {
-        2.0 * self.weights[0] as f32
-    }
-
-    #[inline(always)]
-    fn diagonals(&self, voxels: Range<usize>, out: &mut Vec<f32>) {
-        let degrees = self.degrees[voxels].iter();
-        out.clear();
-        out.extend(degrees.map(|&degree| self.diagonals[usize::from(degree)] as f32));
-    }
-}
-
-#[multiversion(targets(
-    "x86_64+avx512f+avx512vl+popcnt+bmi1+bmi2",
-    "x86_64+avx2+popcnt+bmi1+bmi2"
-))]
-fn gather(problem: &Problem<'_>, rows: Range<usize>, values: &[f16], inflow: &mut Vec<f32>) {
-    links::gather(problem, rows, values, inflow);
-}
-
-/// The same in double precision.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512vl+popcnt+bmi1+bmi2",
-    "x86_64+avx2+popcnt+bmi1+bmi2"
-))]
-fn gather_exactly(
-    problem: &Problem<'_>,
-    rows: Range<usize>,
-    values: &[f16],
-    inflow: &mut Vec<f64>,
-) {
-    links::gather(problem, rows, values, inflow);
-}
-
-impl<'a> Problem<'a> {
-    fn new(space: &'a PoreSpace, settings: &Settings, monitor: &Monitor<'_>) -> Self {
-        let with = |weights: [f64; 3], degrees, diagonals| Self {
-            space,
-            weights,
-            single: weights.map(|weight| weight as f32),
-            degrees,
-            diagonals,
-        };
-        // Links are counted as conductances that do not add up to each other.
-        let counted = with([1.0, 8.0, 32.0], Vec::new(), Vec::new());
-        let degrees = links::all_diagonals(&counted, |sum| sum as u8, monitor);
-        let [h, ..] = settings.spacing;
-        let weights = settings.spacing.map(|s| (h / s).powi(2));
-        let sum = |degree: u8| {
-            let counts = [degree & 7, degree >> 3 & 3, degree >> 5];
-            counts.iter().zip(&weights).map(|(&n, weight)| f64::from(n) * weight).sum()
-        };
-        with(weights, degrees, (0..=u8::MAX).map(sum).collect())
-    }
-
+impl Problem<'_> {
     /// What flows to each voxel when χ is 0.
     fn sources(&self, monitor: &Monitor<'_>) -> Vec<Long> {
-        let space = self.space;
+        let space = self.0.space;
         let mut sources = vec![Long::default(); space.len()];
         space.parts.map(&mut sources, monitor, |rows, first, sources| {
-            for (after, flow) in [(false, self.weights[0]), (true, -self.weights[0])] {
+            for (after, flow) in [(false, self.0.weights[0]), (true, -self.0.weights[0])] {
                 for row in rows.clone().filter(|&row| space.open_ends(row)[usize::from(after)]) {
                     let voxels = space.voxels_of(row..row + 1);
                     let all = &mut sources[voxels.start - first..voxels.end - first];
@@ -250,10 +169,10 @@ impl<'a> Problem<'a> {
     /// Fluxes through the inlet, between the planes and through the outlet; with a periodic boundary
     /// behind each plane. `fall` is the even fall from plane to plane, `chi` what is beside it.
     fn fluxes(&self, fall: f64, chi: impl Fn(usize) -> f64 + Sync) -> Vec<f64> {
-        let [n0, n1, _] = self.space.shape;
+        let [n0, n1, _] = self.0.space.shape;
         let of_row = |row: usize| {
-            let space = self.space;
-            let weight = self.weights[0];
+            let space = self.0.space;
+            let weight = self.0.weights[0];
             let ends = space.open_ends(row);
             let voxels = || space.voxels_of(row..row + 1);
             let inlet = if ends[0] { voxels().map(|v| fall - 2.0 * chi(v)).sum() } else { 0.0 };
@@ -271,7 +190,7 @@ impl<'a> Problem<'a> {
         };
         let rows: Vec<[f64; 2]> = (0..n0 * n1).into_par_iter().map(of_row).collect();
         let mut fluxes = Vec::with_capacity(n0 + 1);
-        if self.space.boundary == Boundary::Open {
+        if self.0.space.boundary == Boundary::Open {
             fluxes.push(rows[..n1].iter().map(|row| row[0]).sum());
         }
         fluxes.extend(rows.chunks(n1).map(|plane| plane.iter().map(|row| row[1]).sum::<f64>()));
@@ -280,30 +199,17 @@ impl<'a> Problem<'a> {
 
     /// Energy that the even fall dissipates, flux · fall: over half a step at inlet and outlet.
     fn even_energy(&self, fluxes: &[f64]) -> f64 {
-        let ends = match self.space.boundary {
+        let ends = match self.0.space.boundary {
             Boundary::Open => fluxes[0] + fluxes[fluxes.len() - 1],
             Boundary::Periodic => 0.0,
         };
         fluxes.iter().sum::<f64>() - 0.5 * ends
     }
 
-    /// What flows from the voxels of some rows: those of the matrix times χ.
-    fn outflow(&self, rows: Range<usize>, chi: &[f16]) -> Vec<f64> {
-        let mut flow = Vec::new();
-        gather_exactly(self, rows.clone(), chi, &mut flow);
-        let voxels = self.space.voxels_of(rows);
-        let mut own = Vec::new();
-        widen(&chi[voxels.clone()], &mut own);
-        for ((flow, own), &degree) in flow.iter_mut().zip(own).zip(&self.degrees[voxels]) {
-            *flow = self.diagonals[usize::from(degree)] * f64::from(own) - *flow;
-        }
-        flow
-    }
-
     /// χᵀ A χ.
     fn energy(&self, chi: &[f16]) -> f64 {
-        self.space.parts.sum(|rows, own| {
-            let outflow = self.outflow(rows, chi);
+        self.0.space.parts.sum(|rows, own| {
+            let outflow = self.0.outflow(rows, chi);
             chi[own].iter().zip(outflow).map(|(own, outflow)| own.to_f64() * outflow).sum()
         })
     }

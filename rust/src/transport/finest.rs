@@ -12,7 +12,7 @@ use multiversion::multiversion;
 use super::chebyshev;
 use super::compact::{narrow, widen};
 use super::cubes::{Cubes, Names};
-use super::links::Conductances;
+use super::links::{Conductances, Operator};
 use super::multigrid::Multigrid;
 use crate::error::Result;
 use crate::monitor::Monitor;
@@ -31,36 +31,41 @@ const SMOOTHED: [f32; 2] = [0.2, 2.0];
 const TYPICAL: f64 = 1.0 / 64.0;
 
 /// The cycle for the conductances of the voxels.
-pub(super) struct Cycle<C> {
-    pub links: C,
+pub(super) struct Cycle {
     cubes: Cubes,
     coarse: Multigrid,
-    /// What the cycle found.
-    pub solution: Vec<f16>,
-    other: Vec<f16>,
 }
 
-impl<C: Conductances> Cycle<C> {
-    /// Memory: 4 bytes a voxel of the pore space, and 90 a cube that has one node.
-    pub fn new(links: C, monitor: &Monitor<'_>) -> Result<Self> {
-        let space = links.space();
-        let cubes = Cubes::new(space);
+/// What a cycle works on: the solution, and that of the step before.
+struct Room<'r> {
+    solution: &'r mut [f16],
+    other: &'r mut [f16],
+}
+
+impl Cycle {
+    /// A cycle whose coarse levels have these conductances.
+    ///
+    /// Memory: 90 bytes a cube that has one node.
+    pub fn new(links: &impl Conductances, monitor: &Monitor<'_>) -> Result<Self> {
+        let cubes = Cubes::new(links.space());
         let places = cubes.places();
-        let graph = cubes.graph(&links, &places, monitor)?;
+        let graph = cubes.graph(links, &places, monitor)?;
         let coarse = Multigrid::new(graph, places, cubes.shape, monitor)?;
-        let zeros = vec![f16::ZERO; space.len()];
-        Ok(Self { links, cubes, coarse, solution: zeros.clone(), other: zeros })
+        Ok(Self { cubes, coarse })
     }
 
-    /// Approximates the solution of A x = b from zero: `solution` times the number that it returns.
+    /// Approximates the solution of A x = b from zero: the first of two vectors, times the number that it
+    /// returns; the other one is room. `links` is A on the voxels.
     ///
     /// `right(voxels, out)` writes what b is there.
     pub fn run(
         &mut self,
+        links: &impl Operator,
         right: impl Fn(Range<usize>, &mut Vec<f32>) + Sync,
+        [solution, other]: [&mut [f16]; 2],
         monitor: &Monitor<'_>,
     ) -> f64 {
-        let space = self.links.space();
+        let space = links.space();
         let square = space.parts.sum(|_, own| {
             let mut b = Vec::new();
             right(own, &mut b);
@@ -68,7 +73,7 @@ impl<C: Conductances> Cycle<C> {
         });
         let scale = (square / space.len() as f64).sqrt() / TYPICAL;
         if scale == 0.0 {
-            self.solution.fill(f16::ZERO);
+            solution.fill(f16::ZERO);
             return scale;
         }
         let right = |voxels: Range<usize>, out: &mut Vec<f32>| {
@@ -77,9 +82,12 @@ impl<C: Conductances> Cycle<C> {
                 *b *= scale.recip() as f32;
             }
         };
-        self.smooth(&right, true, monitor);
-        let Self { links, cubes, coarse, solution, .. } = self;
-        let space = links.space();
+        // What it had is taken 0 times, which of some bits makes no number.
+        other.fill(f16::ZERO);
+        let mut room = Room { solution, other };
+        room.smooth(links, &right, true, monitor);
+        let Self { cubes, coarse } = self;
+        let solution = &mut *room.solution;
         cubes.parts.map(coarse.right(), monitor, |rows, start, coarse| {
             let (mut b, mut inflow, mut x, mut diagonal) = Default::default();
             let mut names = Names::new(space, cubes);
@@ -120,19 +128,21 @@ impl<C: Conductances> Cycle<C> {
             }
             narrow(&mut x, solution);
         });
-        self.smooth(&right, false, monitor);
+        room.smooth(links, &right, false, monitor);
         scale
     }
+}
 
+impl Room<'_> {
     /// Chebyshev iteration; `from_zero` forgets the solution that is there.
     fn smooth(
         &mut self,
+        links: &impl Operator,
         right: &(impl Fn(Range<usize>, &mut Vec<f32>) + Sync),
         from_zero: bool,
         monitor: &Monitor<'_>,
     ) {
-        let Self { links, solution, other, .. } = self;
-        let links = &*links;
+        let Self { solution, other } = self;
         for (k, factors) in chebyshev::factors::<DEGREE>(SMOOTHED).into_iter().enumerate() {
             let zero = k == 0 && from_zero;
             if zero {

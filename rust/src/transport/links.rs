@@ -17,14 +17,18 @@ use crate::volume::Boundary;
 pub(super) trait Conductances: Sync {
     /// The pore space.
     fn space(&self) -> &PoreSpace;
-    /// [`gather`] with the widest instructions of the processor.
-    fn gather(&self, rows: Range<usize>, values: &[f16], inflow: &mut Vec<f32>);
     /// Conductance from a voxel to the next along an axis.
     fn after<T: Real>(&self, axis: usize, voxel: usize) -> T;
     /// Conductance from a voxel of the first plane of an open volume to the inlet.
     fn inlet(&self, voxel: usize) -> f32;
     /// Conductance from a voxel of the last plane of an open volume to the outlet.
     fn outlet(&self, voxel: usize) -> f32;
+}
+
+/// Conductances that are a matrix to multiply by.
+pub(super) trait Operator: Conductances {
+    /// [`gather`] with the widest instructions of the processor.
+    fn gather(&self, rows: Range<usize>, values: &[f16], inflow: &mut Vec<f32>);
     /// Writes the sums of the conductances of some voxels, that of [`ground`] included.
     fn diagonals(&self, voxels: Range<usize>, out: &mut Vec<f32>);
 }
@@ -69,18 +73,17 @@ pub(super) fn ground(links: &impl Conductances, row: usize, voxel: usize) -> f32
     inlet + if after { links.outlet(voxel) } else { 0.0 }
 }
 
-/// What [`Conductances::diagonals`] writes for all voxels, converted.
-pub(super) fn all_diagonals<T: Send + Clone + Default>(
+/// Writes what [`Operator::diagonals`] writes for all voxels, converted.
+pub(super) fn all_diagonals<T: Send>(
     links: &impl Conductances,
     convert: impl Fn(f32) -> T + Sync,
+    diagonals: &mut [T],
     monitor: &Monitor<'_>,
-) -> Vec<T> {
+) {
     let space = links.space();
-    let ones = vec![f16::from_f32(1.0); space.len()];
-    let mut diagonals = vec![T::default(); space.len()];
-    space.parts.map(&mut diagonals, monitor, |rows, first, diagonals| {
-        let mut inflow = Vec::new();
-        links.gather(rows.clone(), &ones, &mut inflow);
+    space.parts.map(diagonals, monitor, |rows, first, diagonals| {
+        let mut inflow: Vec<f32> = Vec::new();
+        gather(links, rows.clone(), None, &mut inflow);
         for row in rows {
             for voxel in space.voxels_of(row..row + 1) {
                 let sum = inflow[voxel - first] + ground(links, row, voxel);
@@ -88,15 +91,15 @@ pub(super) fn all_diagonals<T: Send + Clone + Default>(
             }
         }
     });
-    diagonals
 }
 
-/// Writes the sums of conductance · value at the other end over the links of the voxels of some rows.
+/// Writes the sums of conductance · value at the other end over the links of the voxels of some rows;
+/// without values those of the conductances.
 #[inline(always)]
 pub(super) fn gather<T: Real>(
     links: &impl Conductances,
     rows: Range<usize>,
-    values: &[f16],
+    values: Option<&[f16]>,
     inflow: &mut Vec<T>,
 ) {
     let space = links.space();
@@ -105,6 +108,14 @@ pub(super) fn gather<T: Real>(
     inflow.resize(voxels.len(), T::default());
     // All of a part at once: one by one, in runs of a few, conversion takes longer than all the rest.
     let mut wide = Vec::new();
+    let take = |range: Range<usize>, wide: &mut Vec<f32>| {
+        if let Some(values) = values {
+            widen(&values[range], wide);
+        } else {
+            wide.clear();
+            wide.resize(range.len(), 1.0);
+        }
+    };
     for axis in [0, 1] {
         for after in [false, true] {
             for (piece, beside) in space.beside(rows.clone(), axis, after) {
@@ -113,7 +124,7 @@ pub(super) fn gather<T: Real>(
                 }
                 let beside = beside..beside + piece.len();
                 let range = space.voxels_of(beside.clone());
-                widen(&values[range.clone()], &mut wide);
+                take(range.clone(), &mut wide);
                 for (voxel, other, length) in shared(space.bits_of(piece), space.bits_of(beside)) {
                     let owner = if after { voxel } else { other };
                     let inflow = &mut inflow[voxel - voxels.start..];
@@ -122,7 +133,7 @@ pub(super) fn gather<T: Real>(
             }
         }
     }
-    widen(&values[voxels.clone()], &mut wide);
+    take(voxels.clone(), &mut wide);
     for (voxel, _, length) in pairs(space.bits_of(rows.clone())) {
         let (at, end) = (voxel - voxels.start, voxel - voxels.start + length);
         add(&mut inflow[at..], &wide[at + 1..=end], links, 2, voxel);
@@ -262,10 +273,6 @@ mod tests {
             self.0
         }
 
-        fn gather(&self, rows: Range<usize>, values: &[f16], inflow: &mut Vec<f32>) {
-            gather(self, rows, values, inflow);
-        }
-
         fn after<T: Real>(&self, axis: usize, voxel: usize) -> T {
             T::from_single(1.0 + Key::new(1).unit((3 * voxel + axis) as u64))
         }
@@ -276,6 +283,12 @@ mod tests {
 
         fn outlet(&self, voxel: usize) -> f32 {
             self.after(0, voxel)
+        }
+    }
+
+    impl Operator for Uneven<'_> {
+        fn gather(&self, rows: Range<usize>, values: &[f16], inflow: &mut Vec<f32>) {
+            gather(self, rows, Some(values), inflow);
         }
 
         fn diagonals(&self, voxels: Range<usize>, out: &mut Vec<f32>) {
@@ -345,7 +358,8 @@ mod tests {
             }
             let mut expected = Vec::new();
             links.diagonals(0..space.len(), &mut expected);
-            let found = all_diagonals(&links, |sum| sum, &Monitor::silent());
+            let mut found = vec![0.0; space.len()];
+            all_diagonals(&links, |sum| sum, &mut found, &Monitor::silent());
             assert_eq!(found.len(), expected.len());
             assert!(found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-5));
         }
@@ -355,7 +369,8 @@ mod tests {
     fn a_cycle_over_the_voxels_is_symmetric_and_positive() {
         for space in spaces().filter(|space| !space.is_empty()) {
             let n = space.len();
-            let mut cycle = Cycle::new(Uneven(&space), &Monitor::silent()).unwrap();
+            let links = Uneven(&space);
+            let mut cycle = Cycle::new(&links, &Monitor::silent()).unwrap();
             let [a, b] = [4, 5].map(|seed| {
                 (0..n).map(|i| Key::new(seed).unit(i as u64) - 0.5).collect::<Vec<f32>>()
             });
@@ -364,8 +379,10 @@ mod tests {
                     out.clear();
                     out.extend_from_slice(&right[voxels]);
                 };
-                let scale = cycle.run(write, &Monitor::silent());
-                cycle.solution.iter().map(|x| scale as f32 * x.to_f32()).collect()
+                let [mut solution, mut other] = [0, 1].map(|_| vec![f16::NAN; n]);
+                let vectors = [&mut solution[..], &mut other];
+                let scale = cycle.run(&links, write, vectors, &Monitor::silent());
+                solution.iter().map(|x| scale as f32 * x.to_f32()).collect()
             };
             let (of_a, of_b) = (cycled(&a), cycled(&b));
             let product = |a: &[f32], b: &[f32]| -> f64 {

@@ -11,6 +11,7 @@ mod chebyshev;
 mod compact;
 mod cubes;
 pub mod diffusion;
+mod even;
 mod finest;
 mod links;
 mod multigrid;

@@ -10,7 +10,7 @@
 use rayon::prelude::*;
 
 use super::chebyshev;
-use super::vectors::{CHUNK, for_chunks};
+use super::vectors::{CHUNK, for_chunks, in_order};
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::volume::{Shape, index, position};
@@ -28,13 +28,13 @@ const CYCLES: usize = 2;
 /// Conductances between nodes, and from nodes to the ground.
 pub(super) struct Graph {
     /// Where the links of each node begin; one more entry than nodes.
-    pub starts: Vec<u32>,
+    starts: Vec<u32>,
     /// The node at the other end of each link.
-    pub ends: Vec<u32>,
+    ends: Vec<u32>,
     /// Conductance of each link.
-    pub links: Vec<f32>,
-    /// Conductance from each node to the ground.
-    pub ground: Vec<f32>,
+    links: Vec<f32>,
+    /// Conductance from each node to the ground; only until it is coarsened.
+    ground: Vec<f32>,
 }
 
 impl Graph {
@@ -45,41 +45,34 @@ impl Graph {
         monitor: &Monitor<'_>,
     ) -> Result<Self> {
         let n = ground.len();
-        let parts = (0..n.div_ceil(CHUNK))
-            .into_par_iter()
-            .map(|chunk| {
-                monitor.check()?;
-                let (mut links, mut counts) = (Vec::new(), Vec::new());
-                for node in chunk * CHUNK..((chunk + 1) * CHUNK).min(n) {
-                    let before = links.len();
-                    each(node, &mut links);
-                    counts.push(links.len() - before);
-                }
-                Ok((links, counts))
-            })
-            .collect::<Result<Vec<_>>>()?;
-        let total = parts.iter().map(|(links, _)| links.len()).sum();
-        let mut graph = Self {
-            starts: Vec::with_capacity(n + 1),
-            ends: Vec::with_capacity(total),
-            links: Vec::with_capacity(total),
-            ground,
+        let mut graph = Self { starts: vec![0], ends: Vec::new(), links: Vec::new(), ground };
+        let of_chunk = |chunk: usize| {
+            monitor.check()?;
+            let (mut links, mut counts) = (Vec::new(), Vec::new());
+            for node in chunk * CHUNK..((chunk + 1) * CHUNK).min(n) {
+                let before = links.len();
+                each(node, &mut links);
+                counts.push(links.len() - before);
+            }
+            Ok((links, counts))
         };
-        graph.starts.push(0);
         let mut start = 0;
-        for (links, counts) in parts {
+        in_order(n.div_ceil(CHUNK), of_chunk, |(links, counts)| {
             graph.ends.extend(links.iter().map(|(end, _)| end));
             graph.links.extend(links.iter().map(|(_, link)| link));
             graph.starts.extend(counts.iter().map(|count| {
                 start += count;
                 start as u32
             }));
-        }
+        })?;
+        graph.starts.shrink_to_fit();
+        graph.ends.shrink_to_fit();
+        graph.links.shrink_to_fit();
         Ok(graph)
     }
 
     fn len(&self) -> usize {
-        self.ground.len()
+        self.starts.len() - 1
     }
 
     #[inline(always)]
@@ -131,6 +124,8 @@ struct Room {
 pub(super) struct Multigrid {
     levels: Vec<Level>,
     rooms: Vec<Room>,
+    /// The component of each node, if nothing is grounded.
+    components: Vec<u32>,
 }
 
 impl Multigrid {
@@ -158,7 +153,16 @@ impl Multigrid {
             levels.push(Level::new(next, monitor));
         }
         let rooms = levels.iter().map(|level| Room::new(level.graph.len())).collect();
-        Ok(Self { levels, rooms })
+        let grounded = levels[0].graph.ground.iter().any(|&ground| ground > 0.0);
+        for level in &mut levels {
+            level.graph.ground = Vec::new();
+        }
+        let nodes = if grounded { 0 } else { levels[0].graph.len() as u32 };
+        let components = (0..nodes).map(|node| {
+            let above = levels.iter().filter(|level| !level.parents.is_empty());
+            above.fold(node, |node, level| level.parents[node as usize])
+        });
+        Ok(Self { components: components.collect(), levels, rooms })
     }
 
     /// The right side b of the equations.
@@ -168,8 +172,26 @@ impl Multigrid {
 
     /// Approximates the solution of A x = b, beginning from nothing.
     pub fn cycle(&mut self, monitor: &Monitor<'_>) -> &[f32] {
+        // Where nothing is grounded, what rounding leaves of the sum over what hangs together would raise
+        // the solution there as a whole, ever more from level to level.
+        balance(&self.components, &mut self.rooms[0].right);
         cycle(&self.levels, &mut self.rooms, monitor);
+        balance(&self.components, &mut self.rooms[0].solution);
         &self.rooms[0].solution
+    }
+}
+
+/// Makes values sum to nothing over each component.
+fn balance(components: &[u32], values: &mut [f32]) {
+    let mut sums = vec![(0.0, 0.0); components.iter().max().map_or(0, |&last| last as usize + 1)];
+    for (&component, &value) in components.iter().zip(&*values) {
+        let (sum, count) = &mut sums[component as usize];
+        *sum += f64::from(value);
+        *count += 1.0;
+    }
+    for (&component, value) in components.iter().zip(values) {
+        let (sum, count) = sums[component as usize];
+        *value -= (sum / count) as f32;
     }
 }
 

@@ -61,6 +61,9 @@ impl PoreSpace {
         if u32::try_from(voxels(shape) + n1 * n2 + 1).is_err() {
             return Err(Error::parameter("shape", shape, "must have less than 2^32 voxels"));
         }
+        let per_row = n2.div_ceil(WORD);
+        let mut words = vec![0u64; n0 * n1 * per_row];
+        let mut firsts = Vec::with_capacity(words.len() + 1);
         let mut states: Vec<u8> = Vec::with_capacity(voxels(shape));
         for plane in solid.outer_iter() {
             monitor.check()?;
@@ -68,14 +71,12 @@ impl PoreSpace {
         }
         let pore = states.par_iter().filter(|&&n| n == PORE).count();
         mark_percolating(&mut states, shape, boundary, monitor)?;
-        let per_row = n2.div_ceil(WORD);
-        let mut words = vec![0u64; n0 * n1 * per_row];
         let rows = words.par_chunks_mut(per_row.max(1)).zip(states.par_chunks(n2.max(1)));
         rows.for_each(|(words, states)| {
             let flowing: Vec<bool> = states.iter().map(|&state| state == FLOWING).collect();
             pack_row(&flowing, words);
         });
-        let mut firsts = Vec::with_capacity(words.len() + 1);
+        drop(states);
         firsts.push(0);
         let mut count = 0;
         firsts.extend(words.iter().map(|word| {

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use crate::error::Result;
 use crate::monitor::Monitor;
 
 /// Values that one thread handles at a time; sums are made of chunks, so that this is part of the
@@ -18,6 +19,40 @@ pub(super) fn sum(n: usize, term: impl Fn(Range<usize>) -> f64 + Sync) -> f64 {
         return if n == 0 { 0.0 } else { part(0) };
     }
     (0..chunks).into_par_iter().map(part).collect::<Vec<_>>().iter().sum()
+}
+
+/// Terms that are added side by side, so that they fill vectors.
+const LANES: usize = 8;
+/// Terms that are added in single precision.
+const SHORT: usize = 8 * LANES;
+
+/// Sums of the terms of `0..n`; to be inlined where there are vectors to fill.
+#[inline(always)]
+pub(super) fn summed<const N: usize>(n: usize, term: impl Fn(usize) -> [f32; N]) -> [f64; N] {
+    let mut totals = [0.0; N];
+    for start in (0..n).step_by(SHORT) {
+        let end = (start + SHORT).min(n);
+        let whole = start + (end - start) / LANES * LANES;
+        let mut sums = [[0.0f32; LANES]; N];
+        for first in (start..whole).step_by(LANES) {
+            for i in first..first + LANES {
+                let terms = term(i);
+                for k in 0..N {
+                    sums[k][i - first] += terms[k];
+                }
+            }
+        }
+        for i in whole..end {
+            let terms = term(i);
+            for k in 0..N {
+                sums[k][i - whole] += terms[k];
+            }
+        }
+        for k in 0..N {
+            totals[k] += f64::from(sums[k].iter().sum::<f32>());
+        }
+    }
+    totals
 }
 
 /// Scalar product.
@@ -45,6 +80,23 @@ pub(super) fn for_chunks<T: Send>(
             }
         });
     }
+}
+
+/// Calls `take` with what `work` makes of each of some parts, in their order.
+///
+/// A few parts are worked on at a time, for what is left of many small vectors is lost for large ones.
+pub(super) fn in_order<R: Send>(
+    parts: usize,
+    work: impl Fn(usize) -> Result<R> + Sync,
+    mut take: impl FnMut(R),
+) -> Result<()> {
+    let at_once = 4 * rayon::current_num_threads();
+    for start in (0..parts).step_by(at_once) {
+        let batch = start..(start + at_once).min(parts);
+        let made = batch.into_par_iter().map(&work).collect::<Result<Vec<_>>>()?;
+        made.into_iter().for_each(&mut take);
+    }
+    Ok(())
 }
 
 /// Rows cut into parts that one thread handles at a time: sums are made of parts, so that they are

@@ -1,192 +1,248 @@
-//! The staggered grid: which velocities there are, and the operator.
+//! The staggered grid: which velocities there are, and the viscous operator.
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use half::f16;
+use multiversion::multiversion;
 
-use super::places::Places;
-use crate::error::{Error, Result};
+use super::diagonals::Diagonals;
+use super::lines::{
+    Colour::{self, Black, Red},
+    Lines,
+};
+use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::transport::pore::PoreSpace;
-use crate::transport::vectors::{CHUNK, Parts};
 
-/// Marks that no node touches another on a side.
-const NONE: u16 = u16::MAX;
-
-/// The nodes of [`Places`]; and a last one of zeros, which stands for every neighbour that does not
-/// exist: gathering without a branch halves the time of a pass.
 pub(super) struct Grid<'a> {
     pub space: &'a PoreSpace,
-    places: Places<'a>,
-    /// Which node of the row on each side, before and after along axes 0, 1, 2, touches each node.
-    links: Vec<[u16; 6]>,
-    /// Diagonal of the viscous operator for the velocities through the faces after each node along the
-    /// three axes, 0 where there is no velocity. Not its inverse: between wide walls a rounding of 6 is
-    /// felt.
-    pub diagonals: Vec<[f32; 3]>,
+    pub lines: Lines<'a>,
+    /// Those of the viscous operator, for the velocities along each axis.
+    diagonals: [Diagonals; 3],
     /// 1 / h² along each axis.
     pub weights: [f32; 3],
     /// 1 / h along each axis.
-    slopes: [f32; 3],
-    /// Rows in parts.
-    parts: Parts,
-}
-
-/// A row of nodes, and the first nodes of the rows on its sides.
-pub(super) struct Row {
-    pub nodes: Range<usize>,
-    firsts: [u32; 6],
+    pub slopes: [f32; 3],
 }
 
 impl<'a> Grid<'a> {
     pub fn new(space: &'a PoreSpace, spacing: [f64; 3], monitor: &Monitor<'_>) -> Result<Self> {
-        let [_, _, n2] = space.shape;
-        if n2 > usize::from(NONE) {
-            let allowed = format!("must be at most {NONE} along the last axis for a flow");
-            return Err(Error::parameter("shape", space.shape, allowed));
+        let lines = Lines::new(space);
+        let weights = spacing.map(|h| (1.0 / h.powi(2)) as f32);
+        let along = |axis| Diagonals::new(&lines.places, axis, weights, monitor);
+        let diagonals = [along(0)?, along(1)?, along(2)?];
+        Ok(Self { space, lines, diagonals, weights, slopes: spacing.map(|h| (1.0 / h) as f32) })
+    }
+
+    /// Writes the diagonal of the viscous operator for the places of a colour in some rows, 0 where there
+    /// is no velocity.
+    pub fn diagonals(&self, axis: usize, rows: Range<usize>, colour: Colour, out: &mut [f32]) {
+        diagonals(self, axis, rows, colour, out);
+    }
+
+    /// Writes for the places of a colour in some rows what the viscous operator takes from the red
+    /// velocities beside them; also where there is no velocity.
+    pub fn of_red(&self, rows: Range<usize>, colour: Colour, red: &[f16], out: &mut [f32]) {
+        of_red(self, rows, colour, red, out);
+    }
+
+    /// The same for red places, from the black velocities beside them.
+    pub fn of_black(&self, rows: Range<usize>, black: &[f32], out: &mut [f32]) {
+        of_black(self, rows, black, out);
+    }
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512vl+popcnt+bmi1+bmi2",
+    "x86_64+avx2+popcnt+bmi1+bmi2"
+))]
+fn diagonals(grid: &Grid<'_>, axis: usize, rows: Range<usize>, colour: Colour, out: &mut [f32]) {
+    let lines = &grid.lines;
+    lines.for_each(rows, colour, out, |row, odd, line| {
+        grid.diagonals[axis].write(&lines.places, row, odd, line);
+    });
+}
+
+/// A velocity, which is calculated with in single precision.
+pub(super) trait Velocity: Copy {
+    fn single(self) -> f32;
+}
+
+impl Velocity for f32 {
+    #[inline(always)]
+    fn single(self) -> f32 {
+        self
+    }
+}
+
+impl Velocity for f16 {
+    // The same for a whole vector of them, where `to_f32` asks each time what the processor has.
+    #[inline(always)]
+    fn single(self) -> f32 {
+        const BIAS: u32 = (127 - 15) << 23;
+        const LEAST: u32 = BIAS + (1 << 23);
+        let bits = u32::from(self.to_bits());
+        let size = (bits & 0x7fff) << 13;
+        let normal = f32::from_bits(size + BIAS);
+        let small = f32::from_bits(size + LEAST) - f32::from_bits(LEAST);
+        let size = if size < 1 << 23 { small } else { normal };
+        f32::from_bits(size.to_bits() | (bits & 0x8000) << 16)
+    }
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512vl+popcnt+bmi1+bmi2",
+    "x86_64+avx2+popcnt+bmi1+bmi2"
+))]
+fn of_red(grid: &Grid<'_>, rows: Range<usize>, colour: Colour, red: &[f16], out: &mut [f32]) {
+    gather(grid, rows, [Red, colour], red, out);
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512vl+popcnt+bmi1+bmi2",
+    "x86_64+avx2+popcnt+bmi1+bmi2"
+))]
+fn of_black(grid: &Grid<'_>, rows: Range<usize>, black: &[f32], out: &mut [f32]) {
+    gather(grid, rows, [Black, Red], black, out);
+}
+
+/// Writes sums of weight · value over the places beside those of a colour that are of another.
+#[inline(always)]
+fn gather<T: Velocity>(
+    grid: &Grid<'_>,
+    rows: Range<usize>,
+    [from, to]: [Colour; 2],
+    values: &[T],
+    out: &mut [f32],
+) {
+    let lines = &grid.lines;
+    let mut left = out;
+    // Spelled out: a closure would be compiled for any processor.
+    for row in rows {
+        for odd in [false, true] {
+            if lines.colour(row, odd) == to {
+                let (sums, rest) = left.split_at_mut(lines.length);
+                gather_line(grid, row, odd, from, values, sums);
+                left = rest;
+            }
         }
-        let places = Places { space };
-        let parts = Parts::new(places.rows(), CHUNK, |row| places.nodes_of(row));
-        let mut grid = Self {
-            space,
-            places,
-            links: Vec::new(),
-            diagonals: Vec::new(),
-            weights: spacing.map(|h| (1.0 / h.powi(2)) as f32),
-            slopes: spacing.map(|h| (1.0 / h) as f32),
-            parts,
-        };
-        let places = &grid.places;
-        let mut links = vec![[NONE; 6]; grid.len()];
-        let mut diagonals = vec![[0.0; 3]; grid.len()];
-        let nodes_of =
-            |row: usize| (0..n2).map(move |x| [row, x]).filter(|&at| places.node(at).is_some());
-        grid.for_rows(&mut links, monitor, |row, sides, links| {
-            for (links, at) in links.iter_mut().zip(nodes_of(row)) {
-                *links = [0, 1, 2, 3, 4, 5].map(|side| {
-                    let to = places.place_beside(at, side / 2, side % 2 == 1);
-                    let node = to.and_then(|to| places.node(to));
-                    node.map_or(NONE, |node| (node - sides.firsts[side] as usize) as u16)
+    }
+}
+
+/// The same for a line.
+#[inline(always)]
+fn gather_line<T: Velocity>(
+    grid: &Grid<'_>,
+    row: usize,
+    odd: bool,
+    from: Colour,
+    values: &[T],
+    sums: &mut [f32],
+) {
+    let Grid { lines, weights, .. } = grid;
+    sums.fill(0.0);
+    let besides = lines.places.beside(row);
+    for side in 0..4 {
+        let Some(beside) = besides[side] else { continue };
+        if lines.colour(beside, odd) == from {
+            add(weights[side / 2], lines.line(beside, odd, values), sums);
+        }
+    }
+    if lines.colour(row, !odd) == from {
+        let line = lines.line(row, !odd, values);
+        add(weights[2], line, sums);
+        if odd {
+            add(weights[2], &line[1..], sums);
+        } else {
+            add(weights[2], line, &mut sums[1..]);
+        }
+    }
+    for &[end, other] in lines.places.wraps() {
+        let from_odd = other % 2 == 1;
+        if (end % 2 == 1) == odd && lines.colour(row, from_odd) == from {
+            let value = lines.line(row, from_odd, values)[other / 2];
+            sums[end / 2] += weights[2] * value.single();
+        }
+    }
+}
+
+/// Adds a weight times the values to as many sums as there are of both.
+#[inline(always)]
+fn add<T: Velocity>(weight: f32, values: &[T], sums: &mut [f32]) {
+    let n = sums.len().min(values.len());
+    let (values, sums) = (&values[..n], &mut sums[..n]);
+    for i in 0..n {
+        sums[i] += weight * values[i].single();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Key;
+    use crate::transport::stokes::tests::spaces;
+
+    #[test]
+    fn what_comes_from_a_colour_is_that_of_the_places_beside() {
+        for space in spaces() {
+            let grid = Grid::new(&space, [0.5, 1.0, 2.0], &Monitor::silent()).unwrap();
+            let lines = &grid.lines;
+            let n = space.shape[2];
+            let rows = lines.places.rows();
+            // Values only at places of the row, as there are no velocities elsewhere.
+            let fill = |colour: Colour, seed: u64| {
+                let mut values = vec![0.0; lines.len(colour)];
+                lines.for_each(0..rows, colour, &mut values, |row, odd, line| {
+                    for x in (usize::from(odd)..n).step_by(2) {
+                        line[x / 2] = Key::new(seed).unit((row * n + x) as u64) - 0.5;
+                    }
+                });
+                values
+            };
+            let red: Vec<f16> = fill(Red, 1).into_iter().map(f16::from_f32).collect();
+            let black = fill(Black, 2);
+            let value = |from: Colour, row: usize, x: usize| {
+                let odd = x % 2 == 1;
+                match lines.colour(row, odd) {
+                    colour if colour != from => 0.0,
+                    Red => lines.line(row, odd, &red)[x / 2].to_f32(),
+                    Black => lines.line(row, odd, &black)[x / 2],
+                }
+            };
+            for [from, to] in [[Red, Black], [Black, Red], [Red, Red]] {
+                let mut found = vec![0.0; lines.len(to)];
+                match from {
+                    Red => grid.of_red(0..rows, to, &red, &mut found),
+                    Black => grid.of_black(0..rows, &black, &mut found),
+                }
+                lines.for_each(0..rows, to, &mut found, |row, odd, line| {
+                    for x in (usize::from(odd)..n).step_by(2) {
+                        let mut expected = 0.0;
+                        for (side, beside) in lines.places.beside(row).into_iter().enumerate() {
+                            let value = beside.map_or(0.0, |row| value(from, row, x));
+                            expected += grid.weights[side / 2] * value;
+                        }
+                        for after in [false, true] {
+                            let beside = if after {
+                                space.boundary.after(x, n)
+                            } else {
+                                space.boundary.before(x, n)
+                            };
+                            let value = beside.map_or(0.0, |x| value(from, row, x));
+                            expected += grid.weights[2] * value;
+                        }
+                        let (shape, boundary) = (space.shape, space.boundary);
+                        let off = (line[x / 2] - expected).abs();
+                        assert!(off < 1e-5, "{shape:?} {boundary:?} {row} {x}");
+                    }
                 });
             }
-            0.0
-        });
-        let weights = grid.weights;
-        grid.for_rows(&mut diagonals, monitor, |row, _, diagonals| {
-            for (diagonal, at) in diagonals.iter_mut().zip(nodes_of(row)) {
-                for axis in (0..3).filter(|&axis| places.has_velocity(at, axis)) {
-                    diagonal[axis] = places.viscous_diagonal(at, axis, weights);
-                }
-            }
-            0.0
-        });
-        monitor.check()?;
-        (grid.links, grid.diagonals) = (links, diagonals);
-        Ok(grid)
-    }
-
-    /// Number of nodes.
-    pub fn len(&self) -> usize {
-        self.places.nodes_of(self.places.rows() - 1).end + 1
-    }
-
-    fn row(&self, row: usize) -> Row {
-        let first = |side: usize| match side / 2 {
-            2 => Some(row),
-            axis => self.places.row_beside(row, axis, side % 2 == 1),
-        };
-        Row {
-            nodes: self.places.nodes_of(row),
-            firsts: [0, 1, 2, 3, 4, 5]
-                .map(|side| first(side).map_or(0, |row| self.places.nodes_of(row).start as u32)),
         }
     }
 
-    /// Applies the viscous operator A for the velocities along an axis at a node of a row.
-    #[inline(always)]
-    pub fn viscous(&self, axis: usize, row: &Row, node: usize, u: &[f32]) -> f32 {
-        let diagonal = self.diagonals[node][axis];
-        if diagonal == 0.0 {
-            return 0.0;
-        }
-        let at = |side: usize| self.beside(row, node, side, u);
-        let [w0, w1, w2] = self.weights;
-        let sum = w0 * (at(0) + at(1)) + w1 * (at(2) + at(3)) + w2 * (at(4) + at(5));
-        diagonal * u[node] - sum
-    }
-
-    /// The slope G p of a pressure through the face after a node of a row along an axis.
-    #[inline(always)]
-    pub fn slope(&self, axis: usize, row: &Row, node: usize, p: &[f32]) -> f32 {
-        let after = self.beside(row, node, 2 * axis + 1, p);
-        if self.diagonals[node][axis] > 0.0 { self.slopes[axis] * (after - p[node]) } else { 0.0 }
-    }
-
-    /// The value on a side of a node of a row, 0 where there is no node.
-    #[inline(always)]
-    fn beside(&self, row: &Row, node: usize, side: usize, values: &[f32]) -> f32 {
-        let link = self.links[node][side];
-        let there = row.firsts[side] as usize + usize::from(link);
-        values[if link == NONE { self.links.len() - 1 } else { there }]
-    }
-
-    /// Adds what flows into each voxel along an axis, Gᵀ u, times a factor.
-    pub fn add_inflow(
-        &self,
-        axis: usize,
-        u: &[f32],
-        factor: f32,
-        sums: &mut [f32],
-        monitor: &Monitor<'_>,
-    ) {
-        let factor = factor * self.slopes[axis];
-        self.for_rows(sums, monitor, |_, row, sums| {
-            for (node, sum) in row.nodes.clone().zip(sums) {
-                *sum += factor * (self.beside(row, node, 2 * axis, u) - u[node]);
-            }
-            0.0
-        });
-    }
-
-    /// Adds the flow of velocities along axis 0 through each plane, that before the inlet first, times
-    /// a factor.
-    pub fn add_fluxes(&self, u: &[f32], factor: f32, sums: &mut [f64]) {
-        let [n0, n1, _] = self.space.shape;
-        let planes = self.planes();
-        sums.par_iter_mut().enumerate().for_each(|(i, sum)| {
-            // The copy of the first plane, if there is one, comes last.
-            let plane = (n0 + i) % planes;
-            let [first, last] = [plane * n1, (plane + 1) * n1 - 1];
-            let nodes = self.places.nodes_of(first).start..self.places.nodes_of(last).end;
-            *sum += f64::from(factor) * u[nodes].iter().map(|&u| f64::from(u)).sum::<f64>();
-        });
-    }
-
-    /// Number of planes that a flow passes.
-    pub fn planes(&self) -> usize {
-        self.places.rows() / self.space.shape[1]
-    }
-
-    /// Calls `work(number of a row, the row, its part of `out`)` for each row; returns the sum of what
-    /// it returns, always added in one order.
-    ///
-    /// Once the caller wants to stop, rows are left out; the values are then of no use.
-    pub fn for_rows<T: Send>(
-        &self,
-        out: &mut [T],
-        monitor: &Monitor<'_>,
-        work: impl Fn(usize, &Row, &mut [T]) -> f64 + Sync,
-    ) -> f64 {
-        let each = self.parts.map(out, monitor, |rows, _, mut out| {
-            let mut sum = 0.0;
-            for number in rows {
-                let row = self.row(number);
-                let (own, rest) = out.split_at_mut(row.nodes.len());
-                sum += work(number, &row, own);
-                out = rest;
-            }
-            sum
-        });
-        each.iter().sum()
+    #[test]
+    fn halves_are_widened_as_the_library_does() {
+        let all = (0..=u16::MAX).map(f16::from_bits).filter(|half| half.is_finite());
+        assert!(all.into_iter().all(|half| half.single().to_bits() == half.to_f32().to_bits()));
     }
 }

@@ -4,11 +4,16 @@
 //! that mass is kept exactly and no flow passes an edge or a corner. The flow is driven by a unit
 //! force along axis 0; viscosity is 1, so that the mean velocity is the permeability. What is
 //! solved is [A G; Gᵀ 0] [u; p] = [1; 0], for the pressure ([`schur`], [`preconditioner`]), with the
-//! velocities that each pressure drives inside ([`viscous`]).
+//! velocities that each pressure drives inside ([`viscous`]). [`places`] says which velocities there are,
+//! [`lines`] how they lie in memory; [`grid`] and [`diagonals`] are A, [`coupling`] is G.
 
+mod coupling;
+mod diagonals;
 mod grid;
+mod lines;
 mod places;
 mod preconditioner;
+mod runs;
 mod schur;
 mod viscous;
 
@@ -37,7 +42,7 @@ pub struct Flow {
 
 /// Solves for the flow along axis 0.
 ///
-/// Peak memory: 76 bytes a percolating voxel besides the pore space.
+/// Peak memory: 9 bytes a percolating voxel, 86 for each node of 4³ of them, and 6 a voxel of the volume.
 pub fn flow(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) -> Result<Flow> {
     let still = Flow { permeability: 0.0, flux_mismatch: 0.0, residual: 0.0, iterations: 0 };
     if space.is_empty() {
@@ -70,7 +75,25 @@ mod tests {
 
     use super::*;
     use crate::error::Error;
-    use crate::volume::Boundary;
+    use crate::rng::Key;
+    use crate::volume::{Boundary, Shape};
+
+    /// Pore spaces with even and odd edges and edges of 1, whose rows fill their words or do not.
+    pub(super) fn spaces() -> impl Iterator<Item = PoreSpace> {
+        let shapes =
+            [[1, 1, 1], [2, 2, 2], [3, 4, 5], [4, 3, 64], [5, 5, 2], [4, 6, 66], [3, 1, 131]];
+        let each = move |shape: Shape| {
+            [Boundary::Open, Boundary::Periodic].into_iter().map(move |boundary| {
+                let mut i = 0;
+                let solid = Array3::from_shape_simple_fn(shape, || {
+                    i += 1;
+                    Key::new(2).unit(i) < 0.2
+                });
+                PoreSpace::new(solid.view(), boundary, &Monitor::silent()).unwrap()
+            })
+        };
+        shapes.into_iter().flat_map(each).filter(|space| !space.is_empty())
+    }
 
     const SETTINGS: Settings = Settings { spacing: [1.0; 3], tolerance: 1e-5, iterations: 1000 };
 

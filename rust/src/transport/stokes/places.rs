@@ -1,7 +1,6 @@
 //! Where the nodes of the staggered grid are, and what is beyond a velocity.
 
-use std::ops::Range;
-
+use crate::bits::WORD;
 use crate::transport::pore::PoreSpace;
 use crate::volume::Boundary;
 
@@ -10,8 +9,11 @@ use crate::volume::Boundary;
 /// 0 in that plane and in the one after the last, half a voxel beyond the volume, as if its end planes
 /// went on that far. The other faces of an open volume are mirrors: nothing passes them, and they do
 /// not slow a flow.
+#[derive(Clone, Copy)]
 pub(super) struct Places<'a> {
     pub space: &'a PoreSpace,
+    /// The first place of a row and the last one, and these the other way round.
+    ends: [[usize; 2]; 2],
 }
 
 /// Row and place in it.
@@ -30,55 +32,141 @@ enum Beyond {
     Mirror,
 }
 
-impl Places<'_> {
+/// Nodes that own a velocity.
+pub(super) struct Owners<'a> {
+    /// The nodes of a row, and those after them; none for those after each in the row.
+    own: &'a [u64],
+    after: Option<&'a [u64]>,
+    /// The place of the row that a periodic border puts the first one after.
+    wraps: Option<usize>,
+}
+
+impl Owners<'_> {
+    /// Those of a word.
+    #[inline(always)]
+    pub fn word(&self, word: usize) -> u64 {
+        let own = self.own[word];
+        if let Some(after) = self.after {
+            return own & after.get(word).copied().unwrap_or(0);
+        }
+        let next = self.own.get(word + 1).map_or(0, |next| next << (WORD - 1));
+        let first = match self.wraps {
+            Some(last) if last / WORD == word => (self.own[0] & 1) << (last % WORD),
+            _ => 0,
+        };
+        own & (own >> 1 | next | first)
+    }
+}
+
+impl<'a> Places<'a> {
+    pub fn new(space: &'a PoreSpace) -> Self {
+        let last = space.shape[2] - 1;
+        Self { space, ends: [[0, last], [last, 0]] }
+    }
+
     /// Number of rows: those of the volume, and those of the plane before it.
     pub fn rows(&self) -> usize {
         let before = if self.space.boundary == Boundary::Open { self.space.shape[1] } else { 0 };
         self.space.rows() + before
     }
 
-    /// The row of the volume that a row is or is a copy of, and what its nodes' numbers are larger by.
-    fn original(&self, row: usize) -> (usize, usize) {
+    /// The row of the volume that a row is or is a copy of.
+    #[inline(always)]
+    pub fn original(&self, row: usize) -> usize {
         let rows = self.space.rows();
-        if row < rows { (row, 0) } else { (row - rows, self.space.len()) }
+        if row < rows { row } else { row - rows }
     }
 
-    fn is_before_inlet(&self, row: usize) -> bool {
+    /// Plane and row in it; the plane before the inlet has number 1, for it differs from that after it.
+    pub fn position(&self, row: usize) -> [usize; 2] {
+        let [_, n1, _] = self.space.shape;
+        let at = self.original(row);
+        [if self.is_before_inlet(row) { 1 } else { at / n1 }, at % n1]
+    }
+
+    /// The rows before and after another along axis 0, and along axis 1.
+    #[inline(always)]
+    pub fn beside(&self, row: usize) -> [Option<usize>; 4] {
+        let [n0, n1, _] = self.space.shape;
+        let rows = n0 * n1;
+        let periodic = self.space.boundary == Boundary::Periodic;
+        let original = if row < rows { row } else { row - rows };
+        let y = original % n1;
+        let before = if original >= n1 && row < rows {
+            Some(row - n1)
+        } else if periodic {
+            Some(row + rows - n1)
+        } else {
+            (row < rows).then_some(row + rows)
+        };
+        let after = if row >= rows {
+            Some(original)
+        } else if row + n1 < rows {
+            Some(row + n1)
+        } else {
+            periodic.then_some(y)
+        };
+        let left = if y > 0 { Some(row - 1) } else { periodic.then_some(row + n1 - 1) };
+        let right = if y + 1 < n1 { Some(row + 1) } else { periodic.then_some(row + 1 - n1) };
+        [before, after, left, right]
+    }
+
+    #[inline(always)]
+    pub fn is_before_inlet(&self, row: usize) -> bool {
         row >= self.space.rows()
     }
 
-    /// The nodes of a row.
-    pub fn nodes_of(&self, row: usize) -> Range<usize> {
-        let (original, shift) = self.original(row);
-        let voxels = self.space.voxels_of(original..original + 1);
-        voxels.start + shift..voxels.end + shift
+    /// The nodes of a row, bit by bit.
+    #[inline(always)]
+    pub fn words(&self, row: usize) -> &[u64] {
+        let original = self.original(row);
+        self.space.bits_of(original..original + 1).words
     }
 
-    /// The node at a place.
-    pub fn node(&self, [row, x]: Place) -> Option<usize> {
-        let (original, shift) = self.original(row);
-        Some(self.space.number([original, x])? + shift)
+    /// Whether there is a node at a place.
+    pub fn has_node(&self, [row, x]: Place) -> bool {
+        self.words(row)[x / WORD] >> (x % WORD) & 1 == 1
+    }
+
+    /// Which nodes of a row own a velocity along an axis.
+    #[inline(always)]
+    pub fn owners(&self, row: usize, axis: usize) -> Owners<'_> {
+        let own = self.words(row);
+        let last = self.space.shape[2] - 1;
+        Owners {
+            own,
+            after: match axis {
+                _ if axis > 0 && self.is_before_inlet(row) => Some(&[]),
+                0 if self.before_outlet(row) => Some(own),
+                0 | 1 => match self.row_beside(row, axis, true) {
+                    Some(row) => Some(self.words(row)),
+                    None => Some(&[]),
+                },
+                _ => None,
+            },
+            wraps: (self.space.boundary == Boundary::Periodic).then_some(last),
+        }
     }
 
     /// The row before or after another along axis 0 or 1.
+    #[inline(always)]
     pub fn row_beside(&self, row: usize, axis: usize, after: bool) -> Option<usize> {
-        let rows = self.space.rows();
-        let (original, _) = self.original(row);
-        match (self.is_before_inlet(row), axis) {
-            (true, 0) => after.then_some(original),
-            (true, _) => Some(self.space.row_beside(original, axis, after)? + rows),
-            (false, 0) if !after && self.space.open_ends(row)[0] => Some(row + rows),
-            (false, _) => self.space.row_beside(row, axis, after),
-        }
+        self.beside(row)[2 * axis + usize::from(after)]
+    }
+
+    /// The places of a row beside which a periodic border puts another, and that one.
+    #[inline(always)]
+    pub fn wraps(&self) -> &[[usize; 2]] {
+        if self.space.boundary == Boundary::Periodic { &self.ends } else { &[] }
     }
 
     /// The place before or after another along an axis, if there is a node.
     pub fn place_beside(&self, [row, x]: Place, axis: usize, after: bool) -> Option<Place> {
         let to = match axis {
-            2 => [row, self.space.place_beside([self.original(row).0, x], axis, after)?[1]],
+            2 => [row, self.space.place_beside([self.original(row), x], axis, after)?[1]],
             _ => [self.row_beside(row, axis, after)?, x],
         };
-        self.node(to).map(|_| to)
+        self.has_node(to).then_some(to)
     }
 
     /// Whether the plane of outlet pressure follows a row along axis 0.
@@ -89,11 +177,11 @@ impl Places<'_> {
     /// Whether a place is at a border of an open volume.
     fn at_border(&self, [row, x]: Place, axis: usize, after: bool) -> bool {
         let [_, n1, n2] = self.space.shape;
-        let (at, n) = if axis == 1 { (self.original(row).0 % n1, n1) } else { (x, n2) };
+        let (at, n) = if axis == 1 { (self.original(row) % n1, n1) } else { (x, n2) };
         self.space.boundary == Boundary::Open && at == if after { n - 1 } else { 0 }
     }
 
-    /// Whether there is a velocity along an axis through the face after a node.
+    /// Whether a node owns a velocity along an axis, through the face after it.
     pub fn has_velocity(&self, at: Place, axis: usize) -> bool {
         let inside = axis == 0 || !self.is_before_inlet(at[0]);
         inside && self.place_beside(at, axis, true).is_some()

@@ -3,52 +3,72 @@
 //! The Schur complement Gᵀ A⁻¹ G is the identity for changes from voxel to voxel, and for slow changes
 //! Darcy's operator Gᵀ K G, where K = A⁻¹ 1 is how easily each face lets a fluid pass if pressure does
 //! not react. Its inverse is taken as the sum of both inverses (after Cahouet and Chabard 1988), the
-//! second by a multigrid cycle.
+//! second by a multigrid cycle. K is only kept between cubes of voxels: on the voxels, where the identity
+//! rules wherever pores are not narrow, its mean serves as well.
 
 use std::ops::Range;
 
 use half::f16;
-use multiversion::multiversion;
 
 use super::grid::Grid;
 use super::viscous::Viscous;
 use crate::error::Result;
 use crate::monitor::Monitor;
-use crate::transport::compact::widen;
+use crate::transport::compact::{Short, narrow, widen};
+use crate::transport::even::Even;
 use crate::transport::finest::Cycle;
-use crate::transport::links::{self, Conductances, Real};
+use crate::transport::links::{Conductances, Real};
 use crate::transport::pore::PoreSpace;
-use crate::transport::vectors::for_chunks;
 
 /// Relative residual of K: more exact does not save iterations.
 const CONDUCTANCE_TOLERANCE: f64 = 0.02;
 
 pub(super) struct Preconditioner<'a> {
-    darcy: Cycle<Darcy<'a>>,
-    /// What the solution of the cycle is to be multiplied by.
+    space: &'a PoreSpace,
+    darcy: Cycle,
+    /// Mean conductance along each axis.
+    conductances: [f64; 3],
+}
+
+/// z = P⁻¹ r.
+pub(super) struct Preconditioned<'r> {
+    /// The solution of the cycle, and what it is to be multiplied by.
+    solution: &'r [f16],
     scale: f32,
 }
 
 impl<'a> Preconditioner<'a> {
     pub fn new(grid: &Grid<'a>, viscous: &mut Viscous, monitor: &Monitor<'_>) -> Result<Self> {
-        let darcy = Cycle::new(Darcy::new(grid, viscous, monitor)?, monitor)?;
-        Ok(Self { darcy, scale: 0.0 })
+        let darcy = Darcy::new(grid, viscous, monitor)?;
+        let Darcy { space, means, .. } = darcy;
+        Ok(Self { space, darcy: Cycle::new(&darcy, monitor)?, conductances: means })
     }
 
-    /// Prepares z ← P⁻¹ r for a residual r.
-    pub fn run(&mut self, residual: &[f32], monitor: &Monitor<'_>) {
+    /// Finds z ← P⁻¹ r for a residual r. `room` has one number a voxel, `more` a byte.
+    pub fn run<'r>(
+        &mut self,
+        residual: &[Short],
+        room: &'r mut [f32],
+        more: &mut [u8],
+        monitor: &Monitor<'_>,
+    ) -> Preconditioned<'r> {
         let right = |voxels: Range<usize>, out: &mut Vec<f32>| {
             out.clear();
-            out.extend_from_slice(&residual[voxels]);
+            out.extend(residual[voxels].iter().map(|r| r.get()));
         };
-        self.scale = self.darcy.run(right, monitor) as f32;
+        let links = Even::new(self.space, self.conductances, more, monitor);
+        let (solution, other) = bytemuck::cast_slice_mut(room).split_at_mut(residual.len());
+        let scale = self.darcy.run(&links, right, [solution, other], monitor) as f32;
+        Preconditioned { solution, scale }
     }
+}
 
-    /// Writes z of some voxels, of the residual that was prepared.
-    pub fn pressures(&self, residual: &[f32], voxels: Range<usize>, out: &mut Vec<f32>) {
-        widen(&self.darcy.solution[voxels.clone()], out);
+impl Preconditioned<'_> {
+    /// Writes z of some voxels.
+    pub fn write(&self, residual: &[Short], voxels: Range<usize>, out: &mut Vec<f32>) {
+        widen(&self.solution[voxels.clone()], out);
         for (z, r) in out.iter_mut().zip(&residual[voxels]) {
-            *z = r + self.scale * *z;
+            *z = r.get() + self.scale * *z;
         }
     }
 }
@@ -57,30 +77,50 @@ impl<'a> Preconditioner<'a> {
 struct Darcy<'a> {
     space: &'a PoreSpace,
     /// Conductances through the faces after each voxel.
-    after: [Vec<f32>; 3],
-    /// Conductances from the inlet to the voxels of the first plane of an open volume.
-    inlet: Vec<f32>,
-    /// Sum of the conductances of each voxel.
-    diagonals: Vec<f32>,
+    after: [Vec<f16>; 3],
+    /// Mean of those along each axis that let a fluid pass; 1 if there is none.
+    means: [f64; 3],
 }
 
 impl<'a> Darcy<'a> {
+    /// Memory: 6 bytes a voxel, 10 while it begins.
     fn new(grid: &Grid<'a>, viscous: &mut Viscous, monitor: &Monitor<'_>) -> Result<Self> {
-        let mut darcy = Self {
-            space: grid.space,
-            after: Default::default(),
-            inlet: Vec::new(),
-            diagonals: Vec::new(),
-        };
+        let space = grid.space;
+        let after = [0, 1, 2].map(|_| vec![f16::ZERO; space.len()]);
+        let mut darcy = Self { space, after, means: [1.0; 3] };
+        let mut found = vec![0.0f32; space.len()];
         for axis in 0..3 {
-            let mut along = conductances(grid, viscous, axis, monitor)?;
-            let before = along.split_off(grid.space.len());
-            if axis == 0 {
-                darcy.inlet = before;
+            found.fill(0.0);
+            viscous.solve(
+                grid,
+                axis,
+                CONDUCTANCE_TOLERANCE,
+                |_, _, out| out.fill(1.0),
+                |u, length| {
+                    let factor = length as f32 * grid.weights[axis];
+                    grid.add_velocities(u, factor, &mut found, monitor);
+                },
+                monitor,
+            )?;
+            // Where there is no velocity there is none to the last bit; elsewhere an error of the iteration
+            // must not make a conductance negative. This is the least, between walls on all sides.
+            let least = 0.1 * grid.weights[axis] / grid.weights.iter().sum::<f32>();
+            let sums = space.parts.map(&mut darcy.after[axis], monitor, |_, first, after| {
+                let mut along = found[first..first + after.len()].to_vec();
+                let (mut sum, mut count) = (0.0, 0.0);
+                for k in along.iter_mut().filter(|k| **k != 0.0) {
+                    *k = k.max(least);
+                    sum += f64::from(*k);
+                    count += 1.0;
+                }
+                narrow(&mut along, after);
+                [sum, count]
+            });
+            let [sum, count] = [0, 1].map(|i| sums.iter().map(|sums| sums[i]).sum::<f64>());
+            if count > 0.0 {
+                darcy.means[axis] = sum / count;
             }
-            darcy.after[axis] = along;
         }
-        darcy.diagonals = links::all_diagonals(&darcy, |sum| sum, monitor);
         Ok(darcy)
     }
 }
@@ -90,63 +130,20 @@ impl Conductances for Darcy<'_> {
         self.space
     }
 
-    fn gather(&self, rows: Range<usize>, values: &[f16], inflow: &mut Vec<f32>) {
-        gather(self, rows, values, inflow);
-    }
-
     #[inline(always)]
     fn after<T: Real>(&self, axis: usize, voxel: usize) -> T {
-        T::from_single(self.after[axis][voxel])
+        T::from_single(self.after[axis][voxel].to_f32())
     }
 
+    // There is no voxel before the inlet that would have it.
     #[inline(always)]
     fn inlet(&self, voxel: usize) -> f32 {
-        self.inlet[voxel]
+        let after = self.after[0][voxel].to_f32();
+        if after > 0.0 { after } else { self.means[0] as f32 }
     }
 
     #[inline(always)]
     fn outlet(&self, voxel: usize) -> f32 {
-        self.after[0][voxel]
+        self.after[0][voxel].to_f32()
     }
-
-    #[inline(always)]
-    fn diagonals(&self, voxels: Range<usize>, out: &mut Vec<f32>) {
-        out.clear();
-        out.extend_from_slice(&self.diagonals[voxels]);
-    }
-}
-
-#[multiversion(targets(
-    "x86_64+avx512f+avx512vl+popcnt+bmi1+bmi2",
-    "x86_64+avx2+popcnt+bmi1+bmi2"
-))]
-fn gather(darcy: &Darcy<'_>, rows: Range<usize>, values: &[f16], inflow: &mut Vec<f32>) {
-    links::gather(darcy, rows, values, inflow);
-}
-
-/// K = A⁻¹ 1 for the velocities of an axis, roughly, by the square of the step.
-fn conductances(
-    grid: &Grid<'_>,
-    viscous: &mut Viscous,
-    axis: usize,
-    monitor: &Monitor<'_>,
-) -> Result<Vec<f32>> {
-    let mut found = vec![0.0f32; grid.len()];
-    let add = |u: &[f32], length: f32| {
-        for_chunks(&mut found, monitor, |first, found| {
-            for (found, u) in found.iter_mut().zip(&u[first..]) {
-                *found += length * u;
-            }
-        });
-    };
-    viscous.solve(grid, axis, CONDUCTANCE_TOLERANCE, |_, _| 1.0, add, monitor)?;
-    // An error of the iteration must not make a conductance negative.
-    for_chunks(&mut found, monitor, |first, found| {
-        for (k, diagonal) in found.iter_mut().zip(&grid.diagonals[first..]) {
-            if diagonal[axis] > 0.0 {
-                *k = k.max(0.5 / diagonal[axis]) * grid.weights[axis];
-            }
-        }
-    });
-    Ok(found)
 }

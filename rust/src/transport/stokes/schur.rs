@@ -6,6 +6,8 @@
 //! planes, is linear, so that it is that of the directions. A flow has four unknowns a voxel, of which
 //! only one is ever held at a time.
 
+use half::f16;
+
 use super::super::diffusion::report;
 use super::grid::Grid;
 use super::preconditioner::Preconditioner;
@@ -13,6 +15,7 @@ use super::viscous::Viscous;
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::transport::Settings;
+use crate::transport::compact::{Short, narrow, widen};
 use crate::transport::vectors::{for_chunks, sum};
 
 /// Tolerance of the velocities by that of the pressure. On blobs, a sandstone and noise the permeability
@@ -40,59 +43,70 @@ pub(super) fn solve(
     monitor: &Monitor<'_>,
 ) -> Result<Solved> {
     let voxels = grid.space.len();
-    let exact = LOOSER * settings.tolerance;
-    // Behind the voxels are their copies before the inlet, and what stands for no voxel: without use
-    // here, and without pressure.
-    let mut residual = vec![0.0f32; grid.len()];
+    let mut image = vec![0.0f32; voxels];
     let mut fluxes = vec![0.0; grid.planes()];
     viscous.solve(
         grid,
         0,
         settings.tolerance,
-        |_, _| 1.0,
+        |_, _, out| out.fill(1.0),
         |u, length| {
-            grid.add_inflow(0, u, length, &mut residual, monitor);
+            grid.add_inflow(0, u, length as f32, &mut image, monitor);
             grid.add_fluxes(u, length, &mut fluxes);
         },
         monitor,
     )?;
-    let mut direction = vec![0.0f32; grid.len()];
-    let mut image = vec![0.0f32; grid.len()];
-    let (mut before, mut first) = (0.0, None);
+    let mut residual: Vec<Short> = image.iter().map(|&r| Short::new(r)).collect();
+    let mut direction = vec![f16::ZERO; voxels];
+    let (mut before, mut last, mut first) = (0.0, 0.0, None);
     let mut iterations = 0;
     loop {
         monitor.check()?;
-        preconditioner.run(&residual[..voxels], monitor);
-        let size = sum(voxels, |range| {
-            let mut z = Vec::new();
-            preconditioner.pressures(&residual, range.clone(), &mut z);
-            residual[range].iter().zip(z).map(|(r, z)| f64::from(r * z)).sum()
-        });
+        let degrees = &mut viscous.room()[..voxels];
+        let preconditioned = preconditioner.run(&residual, &mut image, degrees, monitor);
+        let of = |term: fn(f32, f32) -> f32| {
+            sum(voxels, |range| {
+                let mut z = Vec::new();
+                preconditioned.write(&residual, range.clone(), &mut z);
+                residual[range].iter().zip(z).map(|(r, z)| f64::from(term(r.get(), z))).sum()
+            })
+        };
+        let size = of(|r, z| r * z);
         let share = (size.max(0.0) / first.get_or_insert(size).max(f64::MIN_POSITIVE)).sqrt();
         report(monitor, share, 1.0, settings.tolerance);
         if share <= settings.tolerance || iterations == settings.iterations {
             return Ok(Solved { fluxes, residual: share, iterations });
         }
-        let ratio = if iterations == 0 { 0.0 } else { (size / before) as f32 };
-        for_chunks(&mut direction[..voxels], monitor, |first, direction| {
-            let mut z = Vec::new();
-            preconditioner.pressures(&residual, first..first + direction.len(), &mut z);
-            for (d, z) in direction.iter_mut().zip(z) {
-                *d = ratio * *d + z;
+        // Directions have numbers near 1.
+        let unit = (of(|_, z| z * z) / voxels as f64).sqrt();
+        let ratio = if iterations == 0 { 0.0 } else { (size / before * last / unit) as f32 };
+        for_chunks(&mut direction, monitor, |first, direction| {
+            let (mut z, mut new) = (Vec::new(), Vec::new());
+            preconditioned.write(&residual, first..first + direction.len(), &mut z);
+            widen(direction, &mut new);
+            for (d, z) in new.iter_mut().zip(z) {
+                *d = ratio * *d + z / unit as f32;
             }
+            narrow(&mut new, direction);
+        });
+        // The direction has been rounded: what follows is exact for it as it is.
+        let slope = sum(voxels, |range| {
+            let mut d = Vec::new();
+            widen(&direction[range.clone()], &mut d);
+            residual[range].iter().zip(d).map(|(r, d)| f64::from(r.get() * d)).sum()
         });
         image.fill(0.0);
         let mut curvature = 0.0;
-        let tolerance = (exact / share.sqrt()).min(ROUGHEST);
+        let tolerance = (LOOSER * settings.tolerance / share.sqrt()).min(ROUGHEST);
         let mut along = vec![0.0; fluxes.len()];
         for axis in 0..3 {
             curvature += viscous.solve(
                 grid,
                 axis,
                 tolerance,
-                |row, node| grid.slope(axis, row, node, &direction),
+                |rows, colour, out| grid.slopes(axis, rows, colour, &direction, out),
                 |u, length| {
-                    grid.add_inflow(axis, u, length, &mut image, monitor);
+                    grid.add_inflow(axis, u, length as f32, &mut image, monitor);
                     if axis == 0 {
                         grid.add_fluxes(u, length, &mut along);
                     }
@@ -103,16 +117,16 @@ pub(super) fn solve(
         if curvature <= 0.0 {
             return Ok(Solved { fluxes, residual: share, iterations });
         }
-        let length = size / curvature;
+        let length = slope / curvature;
         for (flux, along) in fluxes.iter_mut().zip(along) {
             *flux -= length * along;
         }
         for_chunks(&mut residual, monitor, |first, residual| {
             for (r, image) in residual.iter_mut().zip(&image[first..]) {
-                *r -= length as f32 * image;
+                *r = Short::new(r.get() - length as f32 * image);
             }
         });
-        before = size;
+        (before, last) = (size, unit);
         iterations += 1;
     }
 }
