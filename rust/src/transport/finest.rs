@@ -45,7 +45,7 @@ struct Room<'r> {
 impl Cycle {
     /// A cycle whose coarse levels have these conductances.
     ///
-    /// Memory: 90 bytes a cube that has one node.
+    /// Memory: 86 bytes a cube that has one node.
     pub fn new(links: &impl Conductances, monitor: &Monitor<'_>) -> Result<Self> {
         let cubes = Cubes::new(links.space());
         let places = cubes.places();

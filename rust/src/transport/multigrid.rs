@@ -131,7 +131,7 @@ pub(super) struct Multigrid {
 impl Multigrid {
     /// Coarsens a graph whose nodes lie at `positions` (in C order) of a volume.
     ///
-    /// Memory: 90 bytes a node that has six links.
+    /// Memory: 86 bytes a node that has six links.
     pub fn new(
         graph: Graph,
         mut positions: Vec<u32>,
