@@ -34,3 +34,35 @@ pub(crate) fn pack_row(row: &[bool], words: &mut [u64]) {
         *word = pack(rest);
     }
 }
+
+/// Positions of the set bits, lowest first.
+#[inline(always)]
+pub(crate) fn ones(word: u64) -> Ones {
+    Ones(word)
+}
+
+/// See `ones`.
+pub(crate) struct Ones(u64);
+
+impl Iterator for Ones {
+    type Item = u32;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<u32> {
+        if self.0 == 0 {
+            return None;
+        }
+        let bit = self.0.trailing_zeros();
+        self.0 &= self.0 - 1;
+        Some(bit)
+    }
+}
+
+/// Takes the first run of set bits out of a word that has one: where it begins, and how long it is.
+#[inline(always)]
+pub(crate) fn take_run(word: &mut u64) -> (u32, u32) {
+    let start = word.trailing_zeros();
+    let length = (!(*word >> start)).trailing_zeros();
+    *word &= u64::MAX.checked_shl(start + length).unwrap_or(0);
+    (start, length)
+}

@@ -260,8 +260,8 @@ def permeability(
     the exact values: square ducts of 1, 4, 8 voxels 1.19, 1.06, 1.02; tubes of the radius 3, 6, 10,
     20 within ±26, 6, 2, 1 %; simple cubic arrays of spheres in cells of 16, 32, 48 voxels within
     11, 4, 2 %. Peak memory: 5 bytes a voxel (9 with a periodic boundary) or, if that is more, 6
-    bytes a voxel and 11 more a percolating voxel, 20 in narrow pores: 15 bytes a voxel for the
-    pores of a foam, 9 for a sandstone.
+    bytes a voxel and 10 more a percolating voxel, 18 in narrow pores, and 9 MB: 16 bytes a voxel
+    for the pores of a foam, 9 for a sandstone.
 
     See Also
     --------

@@ -6,7 +6,7 @@ use ndarray::{ArrayView3, ArrayViewMut3, Axis, s};
 use rayon::prelude::*;
 
 use super::simple_point::Word;
-use crate::bits::pack as pack_word;
+use crate::bits::{ones, pack as pack_word};
 use crate::error::Result;
 use crate::monitor::Monitor;
 
@@ -195,27 +195,4 @@ pub(super) fn unpack(words: &[AtomicU64], layout: &Layout, mut volume: ArrayView
             }
         }
     });
-}
-
-/// Positions of the set bits, lowest first.
-#[inline(always)]
-pub(super) fn ones(word: u64) -> Ones {
-    Ones(word)
-}
-
-/// See `ones`.
-pub(super) struct Ones(u64);
-
-impl Iterator for Ones {
-    type Item = u32;
-
-    #[inline(always)]
-    fn next(&mut self) -> Option<u32> {
-        if self.0 == 0 {
-            return None;
-        }
-        let bit = self.0.trailing_zeros();
-        self.0 &= self.0 - 1;
-        Some(bit)
-    }
 }

@@ -3,8 +3,9 @@
 use ndarray::ArrayView3;
 use rayon::prelude::*;
 
-use super::bit_rows::{Around, BITS, Layout, ones, pack};
+use super::bit_rows::{Around, BITS, Layout, pack};
 use super::simple_point::{CENTRE, Word, is_connected};
+use crate::bits::ones;
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 

@@ -18,8 +18,9 @@ use std::sync::{Mutex, PoisonError};
 use ndarray::{ArrayView3, ArrayViewMut3};
 use rayon::prelude::*;
 
-use super::bit_rows::{Around, BITS, Layout, ones, pack, unpack};
+use super::bit_rows::{Around, BITS, Layout, pack, unpack};
 use super::simple_point::{CONNECTED, Memory, SIMPLE, Word, is_curve_end, is_surface_end};
+use crate::bits::ones;
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 

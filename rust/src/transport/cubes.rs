@@ -10,7 +10,7 @@ use super::links::{self, Conductances};
 use super::multigrid::{Graph, add_link};
 use super::pore::PoreSpace;
 use super::vectors::{CHUNK, Parts};
-use crate::bits::WORD;
+use crate::bits::{WORD, ones};
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::volume::{Shape, index, position};
@@ -91,7 +91,7 @@ impl Cubes {
                 let at = cube.place(space, bit);
                 space.number(at).map_or(0.0, |voxel| links::ground(links, at[0], voxel))
             };
-            bits(own).map(of_voxel).sum::<f32>()
+            ones(own).map(of_voxel).sum::<f32>()
         };
         let ground = (0..places.len()).into_par_iter().map(ground).collect();
         let each = |node: usize, found: &mut Vec<(u32, f32)>| {
@@ -101,7 +101,7 @@ impl Cubes {
             for side in 0..6 {
                 let (axis, after) = (side / 2, side % 2 == 1);
                 let mut beside = None;
-                for bit in bits(own & cube.face(space, axis, after)) {
+                for bit in ones(own & cube.face(space, axis, after)) {
                     let at = cube.place(space, bit);
                     let Some(to) = space.place_beside(at, axis, after) else { continue };
                     let (Some(voxel), Some(other)) = (space.number(at), space.number(to)) else {
@@ -164,8 +164,8 @@ impl<'a> Names<'a> {
             let own = four(words, x);
             if count > 1 {
                 let (pieces, rest) = left.split_at(count);
-                for bit in bits(own) {
-                    let other = |piece: &&u64| *piece >> (line + bit) & 1 == 0;
+                for bit in ones(own) {
+                    let other = |piece: &&u64| *piece >> (line + bit as usize) & 1 == 0;
                     each(node + pieces.iter().take_while(other).count(), 1);
                 }
                 left = rest;
@@ -208,7 +208,8 @@ impl Cube {
     }
 
     /// Row and place in it of a voxel.
-    fn place(&self, space: &PoreSpace, bit: usize) -> [usize; 2] {
+    fn place(&self, space: &PoreSpace, bit: u32) -> [usize; 2] {
+        let bit = bit as usize;
         let [z, y, x] = [0, 1, 2].map(|axis| EDGE * self.at[axis] + bit / STEPS[axis] % EDGE);
         [z * space.shape[1] + y, x]
     }
@@ -248,15 +249,6 @@ impl<'a> Lines<'a> {
 fn four(words: &[u64], cube: usize) -> u64 {
     let at = EDGE * cube;
     words[at / WORD] >> (at % WORD) & 15
-}
-
-/// Indices of the bits that are set.
-fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let bit = (mask != 0).then(|| mask.trailing_zeros() as usize)?;
-        mask &= mask - 1;
-        Some(bit)
-    })
 }
 
 /// The voxels that hang together across faces, in order of the first of each.
@@ -299,7 +291,7 @@ mod tests {
             let apart: usize = STEPS.iter().map(|s| (a / s % EDGE).abs_diff(b / s % EDGE)).sum();
             apart == 1
         };
-        let mut left: Vec<usize> = bits(mask).collect();
+        let mut left: Vec<usize> = ones(mask).map(|bit| bit as usize).collect();
         let mut found = Vec::new();
         while !left.is_empty() {
             let mut own = vec![left.remove(0)];

@@ -9,7 +9,7 @@ use half::f16;
 
 use super::compact::widen;
 use super::pore::{PoreSpace, Rows};
-use crate::bits::WORD;
+use crate::bits::{WORD, take_run};
 use crate::monitor::Monitor;
 use crate::volume::Boundary;
 
@@ -245,10 +245,8 @@ impl Iterator for Runs<'_> {
             }
             self.bits = self.bits_of(self.word);
         }
-        let start = self.bits.trailing_zeros();
-        let length = (!(self.bits >> start)).trailing_zeros();
+        let (start, length) = take_run(&mut self.bits);
         let below = (1 << start) - 1;
-        self.bits &= u64::MAX.checked_shl(start + length).unwrap_or(0);
         let number =
             |row: Rows<'_>| row.firsts[self.word] + (row.words[self.word] & below).count_ones();
         let voxel = number(self.own);

@@ -174,16 +174,17 @@ impl Multigrid {
     pub fn cycle(&mut self, monitor: &Monitor<'_>) -> &[f32] {
         // Where nothing is grounded, what rounding leaves of the sum over what hangs together would raise
         // the solution there as a whole, ever more from level to level.
-        balance(&self.components, &mut self.rooms[0].right);
+        let count = self.levels[self.levels.len() - 1].graph.len();
+        balance(&self.components, count, &mut self.rooms[0].right);
         cycle(&self.levels, &mut self.rooms, monitor);
-        balance(&self.components, &mut self.rooms[0].solution);
+        balance(&self.components, count, &mut self.rooms[0].solution);
         &self.rooms[0].solution
     }
 }
 
-/// Makes values sum to nothing over each component.
-fn balance(components: &[u32], values: &mut [f32]) {
-    let mut sums = vec![(0.0, 0.0); components.iter().max().map_or(0, |&last| last as usize + 1)];
+/// Makes values sum to nothing over each of `count` components.
+fn balance(components: &[u32], count: usize, values: &mut [f32]) {
+    let mut sums = vec![(0.0, 0.0); count];
     for (&component, &value) in components.iter().zip(&*values) {
         let (sum, count) = &mut sums[component as usize];
         *sum += f64::from(value);

@@ -61,9 +61,6 @@ impl PoreSpace {
         if u32::try_from(voxels(shape) + n1 * n2 + 1).is_err() {
             return Err(Error::parameter("shape", shape, "must have less than 2^32 voxels"));
         }
-        let per_row = n2.div_ceil(WORD);
-        let mut words = vec![0u64; n0 * n1 * per_row];
-        let mut firsts = Vec::with_capacity(words.len() + 1);
         let mut states: Vec<u8> = Vec::with_capacity(voxels(shape));
         for plane in solid.outer_iter() {
             monitor.check()?;
@@ -71,12 +68,14 @@ impl PoreSpace {
         }
         let pore = states.par_iter().filter(|&&n| n == PORE).count();
         mark_percolating(&mut states, shape, boundary, monitor)?;
+        let per_row = n2.div_ceil(WORD);
+        let mut words = vec![0u64; n0 * n1 * per_row];
         let rows = words.par_chunks_mut(per_row.max(1)).zip(states.par_chunks(n2.max(1)));
         rows.for_each(|(words, states)| {
             let flowing: Vec<bool> = states.iter().map(|&state| state == FLOWING).collect();
             pack_row(&flowing, words);
         });
-        drop(states);
+        let mut firsts = Vec::with_capacity(words.len() + 1);
         firsts.push(0);
         let mut count = 0;
         firsts.extend(words.iter().map(|word| {
@@ -152,11 +151,22 @@ impl PoreSpace {
     /// The row before or after one along axis 0 or 1; none beyond an open border. Through a periodic
     /// one it may be the row itself.
     pub(super) fn row_beside(&self, row: usize, axis: usize, after: bool) -> Option<usize> {
-        let [_, n1, _] = self.shape;
-        let mut at = [row / n1, row % n1];
-        let n = self.shape[axis];
-        at[axis] = self.step(at[axis], n, after)?;
-        Some(at[0] * n1 + at[1])
+        self.rows_beside(row)[2 * axis + usize::from(after)]
+    }
+
+    /// The rows before and after one along axis 0, and along axis 1.
+    #[inline(always)]
+    pub(super) fn rows_beside(&self, row: usize) -> [Option<usize>; 4] {
+        let [n0, n1, _] = self.shape;
+        let (z, y) = (row / n1, row % n1);
+        let along_0 = |z: usize| z * n1 + y;
+        let along_1 = |y: usize| z * n1 + y;
+        [
+            self.step(z, n0, false).map(along_0),
+            self.step(z, n0, true).map(along_0),
+            self.step(y, n1, false).map(along_1),
+            self.step(y, n1, true).map(along_1),
+        ]
     }
 
     /// The last and the first voxel of a row that a periodic border links; they may be the same.
@@ -165,6 +175,7 @@ impl PoreSpace {
         (self.boundary == Boundary::Periodic).then_some([last, first])
     }
 
+    #[inline(always)]
     fn step(&self, at: usize, n: usize, after: bool) -> Option<usize> {
         if after { self.boundary.after(at, n) } else { self.boundary.before(at, n) }
     }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::lines::{HALF, every_other};
 use super::places::Places;
-use crate::bits::WORD;
+use crate::bits::{WORD, ones};
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::transport::vectors::{CHUNK, in_order};
@@ -18,9 +18,7 @@ pub(super) struct Diagonals {
     axis: usize,
     /// That of a velocity with velocities all around.
     inside: f32,
-    /// The velocities that have another one, of the even places of each row and then of the odd ones.
-    others: Vec<u32>,
-    /// The number of the first of these in each row.
+    /// The number of the first exposed velocity of each line, of the even places of a row and the odd ones.
     firsts: Vec<u32>,
     /// Which of the values each of these has.
     codes: Vec<u16>,
@@ -29,7 +27,7 @@ pub(super) struct Diagonals {
 }
 
 impl Diagonals {
-    /// Memory: 1/8 byte a voxel of the volume and 2 a velocity beside a wall.
+    /// Memory: 2 bytes a velocity beside a wall.
     pub fn new(
         places: &Places<'_>,
         axis: usize,
@@ -39,62 +37,43 @@ impl Diagonals {
         let inside: f32 = weights.iter().flat_map(|&w| [w, w]).sum();
         let of_rows = |part: usize| {
             monitor.check()?;
-            let (mut others, mut values, mut counts) = (Vec::new(), Vec::new(), Vec::new());
+            let (mut values, mut ends) = (Vec::new(), Vec::new());
             for row in part * ROWS..((part + 1) * ROWS).min(places.rows()) {
-                let owners = places.owners(row, axis);
-                let words = places.words(row).len();
-                let before = values.len();
-                for (odd, word) in (0..2 * words).map(|i| (i / words, i % words)) {
-                    let mut left = every_other(owners.word(word) >> odd);
-                    let mut other = 0;
-                    while left != 0 {
-                        let bit = left.trailing_zeros();
-                        left &= left - 1;
-                        let x = WORD * word + 2 * bit as usize + odd;
-                        let value = places.viscous_diagonal([row, x], axis, weights);
-                        if value.to_bits() != inside.to_bits() {
-                            other |= 1 << bit;
-                            values.push(value);
+                let exposed = places.exposed(row, axis);
+                for odd in 0..2 {
+                    for word in 0..places.words(row).len() {
+                        for bit in ones(every_other(exposed.word(word) >> odd).into()) {
+                            let x = WORD * word + 2 * bit as usize + odd;
+                            values.push(places.viscous_diagonal([row, x], axis, weights));
                         }
                     }
-                    others.push(other);
+                    ends.push(values.len() as u32);
                 }
-                counts.push((values.len() - before) as u32);
             }
-            Ok((others, values, counts))
+            Ok((values, ends))
         };
-        let (mut others, mut firsts, mut each) = (Vec::new(), vec![0], Vec::new());
-        in_order(places.rows().div_ceil(ROWS), of_rows, |(of_rows, own, counts)| {
-            others.extend(of_rows);
+        let (mut firsts, mut each) = (vec![0], Vec::new());
+        in_order(places.rows().div_ceil(ROWS), of_rows, |(own, ends)| {
+            let before = each.len() as u32;
+            firsts.extend(ends.into_iter().map(|end| before + end));
             each.extend(own);
-            for count in counts {
-                firsts.push(firsts[firsts.len() - 1] + count);
-            }
         })?;
-        others.shrink_to_fit();
         firsts.shrink_to_fit();
         let parts = each.par_chunks(CHUNK).flat_map_iter(|part| distinct(part.to_vec()));
         let values = distinct(parts.collect());
         let codes = each.par_iter().map(|&value| code(&values, value)).collect();
-        Ok(Self { axis, inside, others, firsts, codes, values })
+        Ok(Self { axis, inside, firsts, codes, values })
     }
 
     /// Writes those of a line, 0 where there is no velocity.
     #[inline(always)]
     pub fn write(&self, places: &Places<'_>, row: usize, odd: bool, out: &mut [f32]) {
         let owners = places.owners(row, self.axis);
-        let words = places.words(row).len();
-        let (even, others) = self.others[2 * row * words..2 * (row + 1) * words].split_at(words);
-        let mut code = self.firsts[row] as usize;
-        if odd {
-            for others in even {
-                code += others.count_ones() as usize;
-            }
-        }
-        let others = if odd { others } else { even };
+        let exposed = places.exposed(row, self.axis);
+        let mut code = self.firsts[2 * row + usize::from(odd)] as usize;
         for (word, out) in out.chunks_mut(HALF).enumerate() {
             let own = every_other(owners.word(word) >> u32::from(odd));
-            let mut others = others[word];
+            let others = every_other(exposed.word(word) >> u32::from(odd));
             if own == u32::MAX && others == 0 {
                 out.fill(self.inside);
                 continue;
@@ -102,9 +81,8 @@ impl Diagonals {
             for (i, out) in out.iter_mut().enumerate() {
                 *out = if own & (1 << i as u32) == 0 { 0.0 } else { self.inside };
             }
-            while others != 0 {
-                out[others.trailing_zeros() as usize] = self.values[usize::from(self.codes[code])];
-                others &= others - 1;
+            for bit in ones(others.into()) {
+                out[bit as usize] = self.values[usize::from(self.codes[code])];
                 code += 1;
             }
         }

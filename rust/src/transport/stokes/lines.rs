@@ -2,9 +2,8 @@
 //!
 //! The nodes beside a node are all of the other colour, so that the velocities of one colour follow from
 //! those of the other. A row is two lines, the even places and the odd ones, each of one colour. Vectors
-//! of velocities hold the lines of one colour, solid or not, as 0 where there is no velocity: what is
-//! beside a line is then so many slices, which costs less time than to leave the solid out, and memory
-//! only where there is enough, for vectors of pressures leave it out.
+//! of velocities hold the lines of one colour, solid or not, 0 where there is no velocity, so that what is
+//! beside a line is so many slices. Vectors of pressures leave the solid out.
 
 use std::ops::Range;
 

@@ -24,6 +24,7 @@ use super::Settings;
 use super::diffusion::mismatch;
 use super::pore::PoreSpace;
 use crate::error::Result;
+use crate::large_pages::give_back;
 use crate::monitor::Monitor;
 use crate::volume::voxels;
 
@@ -54,8 +55,10 @@ pub fn flow(space: &PoreSpace, settings: &Settings, monitor: &Monitor<'_>) -> Re
     // Single precision likes steps near 1.
     let edge = settings.spacing.iter().product::<f64>().cbrt();
     let grid = Grid::new(space, settings.spacing.map(|h| h / edge), monitor)?;
+    give_back();
     let mut viscous = Viscous::new(&grid);
     let mut preconditioner = Preconditioner::new(&grid, &mut viscous, monitor)?;
+    give_back();
     let solved = schur::solve(&grid, &mut preconditioner, &mut viscous, settings, monitor)?;
     let [_, n1, n2] = space.shape;
     let mean = solved.fluxes.iter().sum::<f64>() / solved.fluxes.len() as f64;

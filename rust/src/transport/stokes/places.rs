@@ -1,5 +1,7 @@
 //! Where the nodes of the staggered grid are, and what is beyond a velocity.
 
+use std::ops::Range;
+
 use crate::bits::WORD;
 use crate::transport::pore::PoreSpace;
 use crate::volume::Boundary;
@@ -45,16 +47,65 @@ impl Owners<'_> {
     /// Those of a word.
     #[inline(always)]
     pub fn word(&self, word: usize) -> u64 {
-        let own = self.own[word];
+        self.own[word] & self.after(word)
+    }
+
+    /// The nodes of a word, and those after which there is one.
+    #[inline(always)]
+    fn either(&self, word: usize) -> u64 {
+        self.own[word] | self.after(word)
+    }
+
+    /// Those after which there is a node.
+    #[inline(always)]
+    fn after(&self, word: usize) -> u64 {
         if let Some(after) = self.after {
-            return own & after.get(word).copied().unwrap_or(0);
+            return after.get(word).copied().unwrap_or(0);
         }
         let next = self.own.get(word + 1).map_or(0, |next| next << (WORD - 1));
         let first = match self.wraps {
             Some(last) if last / WORD == word => (self.own[0] & 1) << (last % WORD),
             _ => 0,
         };
-        own & (own >> 1 | next | first)
+        self.own[word] >> 1 | next | first
+    }
+}
+
+/// Velocities of a row that may have a wall or a mirror beside them.
+pub(super) struct Exposed<'a> {
+    own: Owners<'a>,
+    /// The rows beside; none at a border, or where the row is one before the inlet.
+    beside: [Option<Owners<'a>>; 4],
+    /// Those of them that are beside the flow, not before or after it.
+    across: Range<usize>,
+    /// Whether a mirror is before or after all of them.
+    all: bool,
+}
+
+impl Exposed<'_> {
+    /// Those of a word.
+    #[inline(always)]
+    pub fn word(&self, word: usize) -> u64 {
+        let own = self.own.word(word);
+        if self.all {
+            return own;
+        }
+        // A wall is where there is no node beside either of the two that a velocity is between.
+        let mut free = u64::MAX;
+        for row in &self.beside[self.across.clone()] {
+            free &= match row {
+                Some(row) => row.either(word),
+                None => 0,
+            };
+        }
+        if self.across.len() == 2 {
+            let either = self.own.either(word);
+            let before = if word > 0 { self.own.either(word - 1) >> (WORD - 1) } else { 0 };
+            let after = word + 1 < self.own.own.len();
+            let after = if after { self.own.either(word + 1) << (WORD - 1) } else { 0 };
+            free &= (either << 1 | before) & (either >> 1 | after);
+        }
+        own & !free
     }
 }
 
@@ -72,7 +123,7 @@ impl<'a> Places<'a> {
 
     /// The row of the volume that a row is or is a copy of.
     #[inline(always)]
-    pub fn original(&self, row: usize) -> usize {
+    fn original(&self, row: usize) -> usize {
         let rows = self.space.rows();
         if row < rows { row } else { row - rows }
     }
@@ -87,28 +138,15 @@ impl<'a> Places<'a> {
     /// The rows before and after another along axis 0, and along axis 1.
     #[inline(always)]
     pub fn beside(&self, row: usize) -> [Option<usize>; 4] {
-        let [n0, n1, _] = self.space.shape;
-        let rows = n0 * n1;
-        let periodic = self.space.boundary == Boundary::Periodic;
-        let original = if row < rows { row } else { row - rows };
-        let y = original % n1;
-        let before = if original >= n1 && row < rows {
-            Some(row - n1)
-        } else if periodic {
-            Some(row + rows - n1)
-        } else {
-            (row < rows).then_some(row + rows)
-        };
-        let after = if row >= rows {
-            Some(original)
-        } else if row + n1 < rows {
-            Some(row + n1)
-        } else {
-            periodic.then_some(y)
-        };
-        let left = if y > 0 { Some(row - 1) } else { periodic.then_some(row + n1 - 1) };
-        let right = if y + 1 < n1 { Some(row + 1) } else { periodic.then_some(row + 1 - n1) };
-        [before, after, left, right]
+        let rows = self.space.rows();
+        let original = self.original(row);
+        let [before, after, left, right] = self.space.rows_beside(original);
+        if self.is_before_inlet(row) {
+            let [left, right] = [left, right].map(|row| row.map(|row| row + rows));
+            return [None, Some(original), left, right];
+        }
+        // Before the first plane of an open volume is that of the inlet.
+        [before.or(Some(row + rows)), after, left, right]
     }
 
     #[inline(always)]
@@ -146,6 +184,23 @@ impl<'a> Places<'a> {
             },
             wraps: (self.space.boundary == Boundary::Periodic).then_some(last),
         }
+    }
+
+    /// Which velocities of a row along an axis may have a wall or a mirror beside them: all that have, and
+    /// those at the first and the last place of rows.
+    #[inline(always)]
+    pub fn exposed(&self, row: usize, axis: usize) -> Exposed<'_> {
+        let mut beside = [None, None, None, None];
+        let across = [2..4, 0..2, 0..4][axis].clone();
+        let rows = self.beside(row);
+        for side in across.clone() {
+            beside[side] = match rows[side] {
+                Some(row) if !self.is_before_inlet(row) => Some(self.owners(row, axis)),
+                _ => None,
+            };
+        }
+        let all = axis == 0 && (self.is_before_inlet(row) || self.before_outlet(row));
+        Exposed { own: self.owners(row, axis), beside, across, all }
     }
 
     /// The row before or after another along axis 0 or 1.

@@ -1,6 +1,6 @@
 //! Rows with and without the solid.
 
-use crate::bits::WORD;
+use crate::bits::{WORD, take_run};
 
 /// Writes values to the places whose bits are set, and zeros to the others.
 #[inline(always)]
@@ -8,7 +8,10 @@ pub(super) fn spread(words: &[u64], values: &[f32], places: &mut [f32]) {
     let mut values = values;
     for (bits, places) in words.iter().zip(places.chunks_mut(WORD)) {
         places.fill(0.0);
-        for (start, length) in Runs(*bits) {
+        let mut bits = *bits;
+        while bits != 0 {
+            let (start, length) = take_run(&mut bits);
+            let (start, length) = (start as usize, length as usize);
             let (run, rest) = values.split_at(length);
             places[start..start + length].copy_from_slice(run);
             values = rest;
@@ -26,7 +29,10 @@ pub(super) fn collect<T>(
 ) {
     let mut values = values;
     for (bits, places) in words.iter().zip(places.chunks(WORD)) {
-        for (start, length) in Runs(*bits) {
+        let mut bits = *bits;
+        while bits != 0 {
+            let (start, length) = take_run(&mut bits);
+            let (start, length) = (start as usize, length as usize);
             let (run, rest) = std::mem::take(&mut values).split_at_mut(length);
             let places = &places[start..start + length];
             for i in 0..length {
@@ -34,24 +40,6 @@ pub(super) fn collect<T>(
             }
             values = rest;
         }
-    }
-}
-
-/// The runs of bits that are set: the first, and how many.
-struct Runs(u64);
-
-impl Iterator for Runs {
-    type Item = (usize, usize);
-
-    #[inline(always)]
-    fn next(&mut self) -> Option<(usize, usize)> {
-        if self.0 == 0 {
-            return None;
-        }
-        let start = self.0.trailing_zeros();
-        let length = (!(self.0 >> start)).trailing_zeros();
-        self.0 &= u64::MAX.checked_shl(start + length).unwrap_or(0);
-        Some((start as usize, length as usize))
     }
 }
 

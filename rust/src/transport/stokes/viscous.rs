@@ -208,3 +208,78 @@ fn dot(a: &[f32], b: &[f32]) -> f64 {
     let [sum] = summed(n, |i| [a[i] * b[i]]);
     sum
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Key;
+    use crate::transport::stokes::tests::spaces;
+
+    #[test]
+    fn solved_velocities_fulfil_their_equations() {
+        let silent = Monitor::silent();
+        for space in spaces() {
+            let grid = Grid::new(&space, [1.0, 2.0, 0.7], &silent).unwrap();
+            let lines = &grid.lines;
+            let rows = 0..lines.places.rows();
+            let mut viscous = Viscous::new(&grid);
+            for axis in 0..3 {
+                let right = |colour: Colour, row: usize, i: usize| {
+                    Key::new(7).unit((2 * (row * lines.length + i) + colour as usize) as u64)
+                };
+                let [mut red, mut black] = [Red, Black].map(|colour| vec![0.0; lines.len(colour)]);
+                let product = viscous
+                    .solve(
+                        &grid,
+                        axis,
+                        1e-6,
+                        |rows, colour, out| {
+                            lines.for_each(rows, colour, out, |row, _, line| {
+                                for (i, b) in line.iter_mut().enumerate() {
+                                    *b = right(colour, row, i);
+                                }
+                            });
+                        },
+                        |u, factor| {
+                            for (sum, u) in red.iter_mut().zip(u.red) {
+                                *sum += factor as f32 * u.to_f32();
+                            }
+                            for (sum, u) in black.iter_mut().zip(u.black) {
+                                *sum += factor as f32 * u;
+                            }
+                        },
+                        &silent,
+                    )
+                    .unwrap();
+                let short: Vec<f16> = red.iter().map(|&u| f16::from_f32(u)).collect();
+                let mut energy = 0.0;
+                for (colour, own) in [(Red, &red), (Black, &black)] {
+                    let [mut diagonals, mut image, mut more] =
+                        [0, 1, 2].map(|_| vec![0.0; own.len()]);
+                    grid.diagonals(axis, rows.clone(), colour, &mut diagonals);
+                    grid.of_red(rows.clone(), colour, &short, &mut image);
+                    if colour == Red {
+                        grid.of_black(rows.clone(), &black, &mut more);
+                    }
+                    lines.for_each(rows.clone(), colour, &mut image, |row, odd, image| {
+                        let diagonals = lines.line(row, odd, &diagonals);
+                        let (own, more) = (lines.line(row, odd, own), lines.line(row, odd, &more));
+                        for (i, &diagonal) in diagonals.iter().enumerate() {
+                            if diagonal == 0.0 {
+                                assert_eq!(own[i].to_bits(), 0);
+                                continue;
+                            }
+                            let b = right(colour, row, i);
+                            energy += f64::from(b * own[i]);
+                            let off = diagonal * own[i] - image[i] - more[i] - b;
+                            // Red velocities are rounded to 16 bits here.
+                            let rounding = 1e-3 * diagonal * own[i].abs().max(0.1);
+                            assert!(off.abs() < rounding, "{:?} {axis} {off}", space.shape);
+                        }
+                    });
+                }
+                assert!((product / energy - 1.0).abs() < 1e-4 || energy == 0.0);
+            }
+        }
+    }
+}
