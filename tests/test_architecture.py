@@ -60,7 +60,7 @@ RUST_ARROWS = {
     "intensity": RUST_GROUND,
     "topology": RUST_GROUND,
     "correlation": RUST_GROUND,
-    "transport": RUST_GROUND,
+    "transport": RUST_GROUND | {"large_pages"},
     "texture": RUST_GROUND | {"geometry", "intensity"},
     "bindings": RUST_GROUND | AREAS,
     "lib": RUST_GROUND | AREAS | {"bindings"},

@@ -17,14 +17,14 @@ import argparse
 from collections.abc import Iterator
 from typing import Any
 
-from from_images import colours, materials, pictures, speed
+from from_images import colours, materials, pictures, slices, speed
 from from_images.making import RUNS
 from from_images.truths import EDGE, truths
 from readme import PICTURES, load, machine, save, update_readme
 from specimens import chosen
 
 RESULTS = "images"
-STUDIES = {study.STUDY: study for study in (materials, colours, speed)}
+STUDIES = {study.STUDY: study for study in (materials, slices, colours, speed)}
 
 
 def measured(words: list[str], options: argparse.Namespace) -> Iterator[dict[str, Any]]:
@@ -36,6 +36,8 @@ def measured(words: list[str], options: argparse.Namespace) -> Iterator[dict[str
     }
     for truth in truths(words):
         for name in options.runs:
+            if RUNS[name].preset == "quality":
+                yield slices.measure(truth, name)
             yield materials.measure(truth, name, edge, seeds[name])
     for title, image in colours.images(words):
         for name in options.runs:
@@ -48,9 +50,9 @@ def measured(words: list[str], options: argparse.Namespace) -> Iterator[dict[str
                 yield speed.measure(preset, factor * edge)
 
 
-def key(row: dict[str, Any]) -> tuple[str, str]:
+def key(row: dict[str, Any]) -> tuple[str, str, str]:
     """What a row is, so that a new measurement replaces the old one."""
-    return row["title"], row["run"]
+    return row["study"], row["title"], row["run"]
 
 
 def update_tables(rows: list[dict[str, Any]]) -> None:
@@ -92,7 +94,7 @@ def main() -> None:
     rows = {key(row): row for row in load(RESULTS)}
     for row in measured(words, options):
         rows[key(row)] = {**row, "machine": machine()}
-        print(f"{row['title']}, {row['run']}: {row['seconds']} s, {row['mode']}", flush=True)
+        print(row["study"], row["title"], row["run"], row.get("seconds", ""), flush=True)
         save(RESULTS, list(rows.values()))
         update_tables(list(rows.values()))
     if chosen(pictures.TITLE, words):

@@ -79,11 +79,11 @@ class SolidTexture:
         instead of 23 %, of trabecular bone 6 instead of 10 %, from one slice 9 instead of 22 and 10
         instead of 9 %. It also takes them for pores, the smaller phase, that a random field does
         not hold together as far as the images do: from one slice of Ketton limestone it was 6
-        instead of 26 %. Not all slices of round packed grains show that: ``"cells"`` by name had 4
-        instead of 24 % from three, but 24 instead of 9 % from Berea sandstone. It takes
-        neighbourhoods, which thicken features, for colours, and where at half the
-        resolution sections score three times better with them; a score of less than 30 % without
-        stands.
+        instead of 26 %, from three 4 instead of 24. One choice of slices in four does not show
+        that; ``"cells"`` by name serves round packed grains only: of Berea sandstone it was 24
+        instead of 9 %. It takes neighbourhoods, which thicken features, for colours, and where at
+        half the resolution sections score three times better with them; a score of less than 30 %
+        without stands.
     axes : tuple of {"z", "y", "x"}, optional
         Of one image the axes across which it stands for the planes; all unless given. Of several
         images one axis each, z, y, x unless given. Planes across an axis that is left out are free.
