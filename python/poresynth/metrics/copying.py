@@ -81,7 +81,7 @@ def novelty(
     Notes
     -----
     Exact: no place is left out. Peak memory: 4 bytes a voxel of the volume (none if it is
-    float32), 24 bytes a voxel of the exemplar, and for each thread 16 · ``edge`` bytes a voxel of
+    float32), 13 bytes a voxel of the exemplar, and for each thread 16 · ``edge`` bytes a voxel of
     one of its planes.
     """
     e, v = as_scalar_volume(exemplar, "exemplar"), as_scalar_volume(volume, "volume")

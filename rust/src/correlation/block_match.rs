@@ -5,10 +5,11 @@
 //! directly, because few planes are valid there and because the products of one probe serve two of
 //! its mirror images at once: a reversed probe has the conjugate spectrum.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use multiversion::multiversion;
-use ndarray::{Array3, ArrayView2, ArrayView3, Axis, s};
+use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis, s};
 use rayon::prelude::*;
 use realfft::{RealFftPlanner, RealToComplex};
 use rustfft::num_complex::Complex32;
@@ -34,7 +35,7 @@ pub struct Novelty {
 /// Novelty of `volume` for blocks of `edge`³, as a median over `probes` random blocks; none where
 /// the volume or half of the exemplar, cut across z, is not larger than a block along every axis.
 ///
-/// Both are brought to zero mean and unit deviation first. Peak memory: 24 bytes a voxel of the
+/// Both are brought to zero mean and unit deviation first. Peak memory: 13 bytes a voxel of the
 /// exemplar, and for each thread 16 bytes a voxel of `edge` of its planes.
 pub fn novelty(
     exemplar: ArrayView3<'_, f32>,
@@ -72,9 +73,9 @@ pub fn novelty(
         .map(|task| {
             let probe = (task / 2) as u64;
             if task % 2 == 0 {
-                let own = &halves[task / 2 % 2].voxels;
+                let own = halves[task / 2 % 2].voxels;
                 let other = &halves[1 - task / 2 % 2..][..1];
-                best_match(&random_block(own.view(), edge, keys[0], probe), other, &plan, monitor)
+                best_match(&random_block(own, edge, keys[0], probe), other, &plan, monitor)
             } else {
                 let block = random_block(volume, edge, keys[1], probe);
                 best_match(&standardised.array(block.view()), &halves, &plan, monitor)
@@ -229,16 +230,16 @@ impl Stack {
 }
 
 /// One half of the exemplar, ready to be searched.
-struct Half {
-    voxels: Array3<f32>,
+struct Half<'a> {
+    voxels: ArrayView3<'a, f32>,
     stack: Stack,
     /// Sum of squares of the block at each place.
     squares: Array3<f32>,
 }
 
-impl Half {
+impl<'a> Half<'a> {
     fn new(
-        voxels: ArrayView3<'_, f32>,
+        voxels: ArrayView3<'a, f32>,
         edge: usize,
         plan: &Plan,
         monitor: &Monitor<'_>,
@@ -246,23 +247,42 @@ impl Half {
         monitor.check()?;
         let squares = box_sums_of_squares(voxels, edge);
         let stack = Stack::new(voxels, false, plan);
-        Ok(Self { voxels: voxels.to_owned(), stack, squares })
+        Ok(Self { voxels, stack, squares })
     }
 }
 
 /// Sums of squares over the blocks of `edge`³ at every place, by running sums along each axis.
 fn box_sums_of_squares(voxels: ArrayView3<'_, f32>, edge: usize) -> Array3<f32> {
-    let mut sums = voxels.mapv(|v| f64::from(v).powi(2));
-    for axis in [Axis(0), Axis(1), Axis(2)] {
-        sums.accumulate_axis_inplace(axis, |&before, sum| *sum += before);
-        let places = sums.len_of(axis) - edge + 1;
-        let mut upper = sums.clone();
-        upper.slice_axis_inplace(axis, (edge - 1..).into());
-        let lower = sums.slice_axis(axis, (..places - 1).into());
-        upper.slice_axis_mut(axis, (1..).into()).zip_mut_with(&lower, |u, l| *u -= l);
-        sums = upper;
+    let [nz, ny, nx] = <[usize; 3]>::from(voxels.dim()).map(|n| n - edge + 1);
+    let mut sums = Array3::zeros((nz, ny, nx));
+    let mut sum = Array2::<f64>::zeros((ny, nx));
+    let mut last = VecDeque::with_capacity(edge);
+    for (z, plane) in voxels.outer_iter().enumerate() {
+        let mut squares = plane.mapv(|v| f64::from(v).powi(2));
+        for axis in [Axis(0), Axis(1)] {
+            squares = window_sums(squares, axis, edge);
+        }
+        sum += &squares;
+        last.push_back(squares);
+        if last.len() == edge {
+            sums.index_axis_mut(Axis(0), z + 1 - edge).zip_mut_with(&sum, |to, &v| *to = v as f32);
+            if let Some(before) = last.pop_front() {
+                sum -= &before;
+            }
+        }
     }
-    sums.mapv(|v| v as f32)
+    sums
+}
+
+/// Sums over the windows of `edge` values at every place along an axis.
+fn window_sums(mut sums: Array2<f64>, axis: Axis, edge: usize) -> Array2<f64> {
+    sums.accumulate_axis_inplace(axis, |&before, sum| *sum += before);
+    let places = sums.len_of(axis) - edge + 1;
+    let mut upper = sums.clone();
+    upper.slice_axis_inplace(axis, (edge - 1..).into());
+    let lower = sums.slice_axis(axis, (..places - 1).into());
+    upper.slice_axis_mut(axis, (1..).into()).zip_mut_with(&lower, |u, l| *u -= l);
+    upper
 }
 
 /// Smallest mean squared differences of a probe to any place.
@@ -288,7 +308,7 @@ struct Match {
 /// The smallest mean squared differences of the probe to any place in `halves`.
 fn best_match(
     probe: &Array3<f32>,
-    halves: &[Half],
+    halves: &[Half<'_>],
     plan: &Plan,
     monitor: &Monitor<'_>,
 ) -> Result<Differences> {
@@ -319,7 +339,7 @@ fn best_match(
 
 impl Match {
     /// Mean squared difference in double precision.
-    fn exact(&self, probe: &Array3<f32>, halves: &[Half]) -> f64 {
+    fn exact(&self, probe: &Array3<f32>, halves: &[Half<'_>]) -> f64 {
         let mut image = probe.view();
         for axis in (0..3).filter(|&axis| self.image[axis]) {
             image.invert_axis(Axis(axis));
@@ -358,7 +378,7 @@ impl Search<'_> {
         &mut self,
         stack: &Stack,
         index: usize,
-        half: &Half,
+        half: &Half<'_>,
         z_reversed: bool,
         y_reversed: bool,
         monitor: &Monitor<'_>,
@@ -381,7 +401,7 @@ impl Search<'_> {
     }
 
     /// Looks for one image in one plane of places.
-    fn scan_plane(&mut self, tile_z: usize, z: usize, index: usize, half: &Half, image: Image) {
+    fn scan_plane(&mut self, tile_z: usize, z: usize, index: usize, half: &Half<'_>, image: Image) {
         let plan = self.plan;
         let which = usize::from(image[2]);
         let from = tile_z * plan.columns();
