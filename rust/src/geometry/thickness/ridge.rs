@@ -236,6 +236,7 @@ impl<T: Lane + Kept<T>> Rows<T> {
 /// Compares balls with those of a neighbour each, squares and ranks: which it holds, and whether it is
 /// the largest that leads one.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512vl", "x86_64+avx2"))]
+#[allow(clippy::needless_bitwise_bool)] // Where stores cannot be masked, branches are taken one by one.
 fn meet<T: Lane + Default>(
     [reach, rank]: [&[T]; 2],
     [other, other_rank]: [&[T]; 2],
@@ -251,11 +252,12 @@ fn meet<T: Lane + Default>(
         let (square, thick) = (other[i], other_rank[i]);
         let (own, own_thick, least) = (reach[i], rank[i], needed[i]);
         let (kept, most, before) = (whole[i], largest[i], which[i]);
-        let holds = thick >= own_thick && square >= least;
+        let holds = (thick >= own_thick) & (square >= least);
         whole[i] = if holds { T::default() } else { kept };
         // Of balls that are as thick the larger leads, of those that are as large the later.
-        let ahead = square > own || (later && square >= own);
-        let leads = square > most && (thick > own_thick || (thick >= own_thick && ahead));
+        let ahead = (square > own) | (later & (square >= own));
+        let thicker = (thick > own_thick) | ((thick >= own_thick) & ahead);
+        let leads = (square > most) & thicker;
         largest[i] = if leads { square } else { most };
         which[i] = if leads { number } else { before };
     }
