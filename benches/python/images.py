@@ -94,7 +94,8 @@ def main() -> None:
     rows = {key(row): row for row in load(RESULTS)}
     for row in measured(words, options):
         rows[key(row)] = {**row, "machine": machine()}
-        print(row["study"], row["title"], row["run"], row.get("seconds", ""), flush=True)
+        made = f": {row['seconds']} s, {row['mode']}" if "mode" in row else ""
+        print(f"{row['title']}, {row['run']}, {row['study']}{made}", flush=True)
         save(RESULTS, list(rows.values()))
         update_tables(list(rows.values()))
     if chosen(pictures.TITLE, words):

@@ -60,9 +60,9 @@ impl Iterator for Ones {
 
 /// Takes the first run of set bits out of a word that has one: where it begins, and how long it is.
 #[inline(always)]
-pub(crate) fn take_run(word: &mut u64) -> (u32, u32) {
+pub(crate) fn take_run(word: &mut u64) -> (usize, usize) {
     let start = word.trailing_zeros();
     let length = (!(*word >> start)).trailing_zeros();
     *word &= u64::MAX.checked_shl(start + length).unwrap_or(0);
-    (start, length)
+    (start as usize, length as usize)
 }

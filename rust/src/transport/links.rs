@@ -251,7 +251,7 @@ impl Iterator for Runs<'_> {
             |row: Rows<'_>| row.firsts[self.word] + (row.words[self.word] & below).count_ones();
         let voxel = number(self.own);
         let other = if self.pairs { voxel + 1 } else { number(self.beside) };
-        Some((voxel as usize, other as usize, length as usize))
+        Some((voxel as usize, other as usize, length))
     }
 }
 

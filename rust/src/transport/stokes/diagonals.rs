@@ -68,11 +68,10 @@ impl Diagonals {
     /// Writes those of a line, 0 where there is no velocity.
     #[inline(always)]
     pub fn write(&self, places: &Places<'_>, row: usize, odd: bool, out: &mut [f32]) {
-        let owners = places.owners(row, self.axis);
         let exposed = places.exposed(row, self.axis);
         let mut code = self.firsts[2 * row + usize::from(odd)] as usize;
         for (word, out) in out.chunks_mut(HALF).enumerate() {
-            let own = every_other(owners.word(word) >> u32::from(odd));
+            let own = every_other(exposed.owners.word(word) >> u32::from(odd));
             let others = every_other(exposed.word(word) >> u32::from(odd));
             if own == u32::MAX && others == 0 {
                 out.fill(self.inside);

@@ -50,10 +50,10 @@ impl Owners<'_> {
         self.own[word] & self.after(word)
     }
 
-    /// The nodes of a word, and those after which there is one.
+    /// The nodes of a word, and those after which there is one; none beyond the last word.
     #[inline(always)]
     fn either(&self, word: usize) -> u64 {
-        self.own[word] | self.after(word)
+        if word < self.own.len() { self.own[word] | self.after(word) } else { 0 }
     }
 
     /// Those after which there is a node.
@@ -73,23 +73,17 @@ impl Owners<'_> {
 
 /// Velocities of a row that may have a wall or a mirror beside them.
 pub(super) struct Exposed<'a> {
-    own: Owners<'a>,
-    /// The rows beside; none at a border, or where the row is one before the inlet.
+    pub owners: Owners<'a>,
+    /// The rows beside; none at a border, or where all of the row are exposed.
     beside: [Option<Owners<'a>>; 4],
     /// Those of them that are beside the flow, not before or after it.
     across: Range<usize>,
-    /// Whether a mirror is before or after all of them.
-    all: bool,
 }
 
 impl Exposed<'_> {
     /// Those of a word.
     #[inline(always)]
     pub fn word(&self, word: usize) -> u64 {
-        let own = self.own.word(word);
-        if self.all {
-            return own;
-        }
         // A wall is where there is no node beside either of the two that a velocity is between.
         let mut free = u64::MAX;
         for row in &self.beside[self.across.clone()] {
@@ -98,14 +92,14 @@ impl Exposed<'_> {
                 None => 0,
             };
         }
+        // The places before and after one in its row are beside a flow across rows.
         if self.across.len() == 2 {
-            let either = self.own.either(word);
-            let before = if word > 0 { self.own.either(word - 1) >> (WORD - 1) } else { 0 };
-            let after = word + 1 < self.own.own.len();
-            let after = if after { self.own.either(word + 1) << (WORD - 1) } else { 0 };
+            let either = self.owners.either(word);
+            let before = if word > 0 { self.owners.either(word - 1) >> (WORD - 1) } else { 0 };
+            let after = self.owners.either(word + 1) << (WORD - 1);
             free &= (either << 1 | before) & (either >> 1 | after);
         }
-        own & !free
+        self.owners.word(word) & !free
     }
 }
 
@@ -190,17 +184,18 @@ impl<'a> Places<'a> {
     /// those at the first and the last place of rows.
     #[inline(always)]
     pub fn exposed(&self, row: usize, axis: usize) -> Exposed<'_> {
-        let mut beside = [None, None, None, None];
+        // Before the inlet and after the outlet is a mirror along the flow, beside the inlet one across.
+        let all = axis == 0 && (self.is_before_inlet(row) || self.before_outlet(row));
         let across = [2..4, 0..2, 0..4][axis].clone();
+        let mut beside = [None, None, None, None];
         let rows = self.beside(row);
         for side in across.clone() {
             beside[side] = match rows[side] {
-                Some(row) if !self.is_before_inlet(row) => Some(self.owners(row, axis)),
+                Some(row) if !all && !self.is_before_inlet(row) => Some(self.owners(row, axis)),
                 _ => None,
             };
         }
-        let all = axis == 0 && (self.is_before_inlet(row) || self.before_outlet(row));
-        Exposed { own: self.owners(row, axis), beside, across, all }
+        Exposed { owners: self.owners(row, axis), beside, across }
     }
 
     /// The row before or after another along axis 0 or 1.

@@ -11,7 +11,6 @@ pub(super) fn spread(words: &[u64], values: &[f32], places: &mut [f32]) {
         let mut bits = *bits;
         while bits != 0 {
             let (start, length) = take_run(&mut bits);
-            let (start, length) = (start as usize, length as usize);
             let (run, rest) = values.split_at(length);
             places[start..start + length].copy_from_slice(run);
             values = rest;
@@ -32,7 +31,6 @@ pub(super) fn collect<T>(
         let mut bits = *bits;
         while bits != 0 {
             let (start, length) = take_run(&mut bits);
-            let (start, length) = (start as usize, length as usize);
             let (run, rest) = std::mem::take(&mut values).split_at_mut(length);
             let places = &places[start..start + length];
             for i in 0..length {
