@@ -54,7 +54,7 @@ pub fn local_thickness(
         return Ok(());
     }
     let space = Space::new(voxel_size, boundary);
-    if !space.is_cubic() || !fill::<u16>(&space, phase, out.view_mut(), monitor)? {
+    if !space.cubic || !fill::<u16>(&space, phase, out.view_mut(), monitor)? {
         fill::<f32>(&space, phase, out, monitor)?;
     }
     Ok(())
@@ -75,7 +75,7 @@ fn fill<T: Lane + Kept<T> + Pod>(
     let slabs = ridge::ridge(&balls, space, monitor)?;
     drop(more);
     let cells = Cells::new(slabs, phase.dim(), space);
-    let discs = if space.is_cubic() { Discs::of_cubes(cells.reach()) } else { Discs::none() };
+    let discs = if space.cubic { Discs::of_cubes(cells.reach()) } else { Discs::none() };
     let work = paint::Work::default;
     paint::tiles(out).into_par_iter().try_for_each_init(work, |work, (origin, out)| {
         paint::fill(work, (&cells, &discs), phase, space, origin, out, monitor)
@@ -91,6 +91,7 @@ struct Space {
     by_edge: [f32; 3],
     /// The unit's length.
     unit: f64,
+    cubic: bool,
     steps: Steps,
     boundary: Boundary,
 }
@@ -103,24 +104,23 @@ impl Space {
             size,
             by_edge: size.map(|edge| (1.0 / edge) as f32),
             unit: 0.5 * shortest,
+            cubic: size.iter().all(|edge| (edge - 2.0).abs() < f64::EPSILON),
             steps: Steps::new(size),
             boundary,
         }
     }
 
-    fn is_cubic(&self) -> bool {
-        self.size.iter().all(|edge| (edge - 2.0).abs() < f64::EPSILON)
-    }
-
-    /// Diameter of a ball, by its rank: where a voxel has the edge 2, half a voxel is the unit.
+    /// Diameter of a ball, by its rank: where a voxel has the edge 2, half a voxel is the unit. That of
+    /// none is 0.
+    #[inline(always)]
     fn diameter(&self, rank: f32) -> f32 {
-        if self.is_cubic() { (rank.sqrt() - 1.0) * (2.0 * self.unit as f32) } else { rank }
+        if self.cubic { (rank.sqrt().max(1.0) - 1.0) * (2.0 * self.unit as f32) } else { rank }
     }
 
     /// Takes so much off the square of a ball that no rounding reaches the voxels outside: between
     /// voxels that are cubes, squares are multiples of 4.
     fn inside(&self, square: f32) -> f32 {
-        if self.is_cubic() { square - 2.0 } else { square * (1.0 - 1e-6) }
+        if self.cubic { square - 2.0 } else { square * (1.0 - 1e-6) }
     }
 
     fn lattice(&self, half: [bool; 3]) -> Lattice {

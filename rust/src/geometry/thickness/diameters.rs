@@ -134,7 +134,7 @@ impl<T: Lane + Kept<T>> Lattices<T> {
         Self {
             plane: [nz, nx],
             real: passes(space.size),
-            counted: (!space.is_cubic()).then(|| passes([2.0; 3])),
+            counted: (!space.cubic).then(|| passes([2.0; 3])),
             unit: space.unit as f32,
         }
     }

@@ -15,7 +15,7 @@ const LARGEST_IN_TABLE: usize = 512;
 const MOST_IN_LIST: usize = 1 << 18;
 
 /// Kinds of steps where voxels are no cubes: by the axes that they are along.
-const KINDS: usize = 7;
+pub(super) const KINDS: usize = 7;
 
 /// The squared distance that a neighbour must have for its ball to hold that of a voxel.
 pub(super) enum Needed<T> {
@@ -43,7 +43,7 @@ impl<T: Lane + Default> Needed<T> {
     /// For balls up to a square.
     pub(super) fn new(space: &Space, most: f32) -> Self {
         let most_in_voxels = (most / 4.0) as usize;
-        if space.is_cubic() && most_in_voxels <= LARGEST_IN_TABLE.pow(2) {
+        if space.cubic && most_in_voxels <= LARGEST_IN_TABLE.pow(2) {
             return Self::Cubes(Self::of_cubes(most_in_voxels));
         }
         if let Some(list) = List::new(space.size, f64::from(most)) {
@@ -99,13 +99,12 @@ impl<T: Lane + Default> Needed<T> {
         }
     }
 
-    /// Writes what is needed for each square of a row to `rows`, one for each kind.
-    pub(super) fn fill(&self, squares: &[T], rows: &mut [Vec<T>]) {
+    /// Writes what is needed for each square to `rows`, one for each kind.
+    pub(super) fn fill<const N: usize>(&self, squares: &[T; N], rows: &mut [[T; N]]) {
         match (self, rows) {
             (Self::Cubes(table), [one, two, three]) => {
-                let needed = one.iter_mut().zip(two).zip(three);
-                for (((one, two), three), square) in needed.zip(squares) {
-                    [*one, *two, *three] = table[square.whole() as usize / 4];
+                for i in 0..N {
+                    [one[i], two[i], three[i]] = table[squares[i].whole() as usize / 4];
                 }
             }
             (Self::Cubes(_), _) => (),
@@ -233,8 +232,8 @@ mod tests {
             let at = |i: usize| f64::from(voxel[i]) * space.size[i];
             let square = (0..3).map(|i| at(i) * at(i)).sum::<f64>();
             let needed = Needed::<f32>::new(&space, 1.7 * square as f32);
-            let mut rows = vec![vec![0.0f32]; needed.kinds()];
-            needed.fill(&[square as f32], &mut rows);
+            let mut rows = [[0.0f32]; KINDS];
+            needed.fill(&[square as f32], &mut rows[..needed.kinds()]);
             let step = &space.steps.all[number];
             let found = f64::from(rows[needed.kind(step.axes())][0]);
             let exact = farthest(space.size, square * (1.0 - 1e-9), step.along);
@@ -249,7 +248,7 @@ mod tests {
             let space = Space::new([ratio, 1.0, 1.0], Boundary::Open);
             let needed = Needed::<f32>::new(&space, 1e8);
             prop_assert!(matches!(needed, Needed::Lengths(_)));
-            let mut rows = vec![vec![0.0f32]; KINDS];
+            let mut rows = [[0.0f32]; KINDS];
             needed.fill(&[square], &mut rows);
             let step = &space.steps.all[0];
             let exact = (square.sqrt() + step.square.sqrt()).powi(2);

@@ -1,4 +1,4 @@
-//! Which voxels of a plane of a tile lie in a ball, but not in that of its neighbour.
+//! Which voxels of a tile lie in a ball, but not in that of its neighbour, plane by plane.
 
 use super::Space;
 use super::cells::Placed;
@@ -9,11 +9,11 @@ use crate::geometry::distance::window::Lane;
 /// Rows that are compared with a ball at once.
 pub(super) const LANES: usize = 8;
 
-/// A ball and that of its neighbour in a plane of a tile.
-pub(super) trait Section {
-    /// Finds the voxels of [`LANES`] rows from y on that wait and lie in the ball but not in its
-    /// neighbour's; false if there are none.
-    fn find_hits(&self, y: usize, waiting: &[u64; LANES], hits: &mut [u64; LANES]) -> bool;
+/// A ball and that of its neighbour in the planes of a tile.
+pub(super) trait Sections {
+    /// The voxels of [`LANES`] rows from (z, y) on that wait and lie in the ball but not in its
+    /// neighbour's.
+    fn hits(&self, from: [usize; 2], waiting: &[u64; LANES]) -> [u64; LANES];
 }
 
 /// Largest radius of discs in [`Discs`], in voxels: the neighbour's may be one larger.
@@ -67,65 +67,66 @@ impl Discs {
         ball.reach.whole() < self.below && ball.neighbour.whole() < self.below
     }
 
-    /// The section of a ball that is held, with the step to its neighbour.
+    /// The sections of a ball that is held, with the step to its neighbour.
     #[inline(always)]
-    pub(super) fn section<T: Lane>(
+    pub(super) fn sections<T: Lane>(
         &self,
         Placed { at, ball }: &Placed<T>,
         along: [i32; 3],
-        z: usize,
     ) -> Tabled<'_> {
-        let whole = |square: T| (square.whole() / 4) as i32;
-        let dz = z as i32 - at[0];
-        let other_dz = dz - along[0];
-        Tabled {
-            own: self.disc(whole(ball.reach) - dz * dz),
-            other: self.disc(whole(ball.neighbour) - other_dz * other_dz),
-            // The row that has the middle of the ball, and of its neighbour's, were it on this one.
-            first: [self.middle - at[1], self.middle - at[1] - along[1]],
-            shift: [at[2] - CENTRE, at[2] + along[2] - CENTRE],
-        }
+        let discs = |square: T, [z, y, x]: [i32; 3]| Row {
+            square: (square.whole() / 4) as i32,
+            plane: z,
+            // The row that has the middle of the ball, were it on this one.
+            first: self.middle - y,
+            shift: to_both_sides(x - CENTRE),
+        };
+        let neighbour = [0, 1, 2].map(|axis| at[axis] + along[axis]);
+        Tabled { discs: self, own: discs(ball.reach, *at), other: discs(ball.neighbour, neighbour) }
     }
 
+    /// The rows from y on of a disc in a plane, where it is in the table.
     #[inline(always)]
-    fn disc(&self, square: i32) -> &[u64] {
-        let square = if square > 0 { square as usize } else { 0 };
-        &self.rows[square * self.height..][..self.height]
+    fn rows(&self, of: &Row, [z, y]: [usize; 2]) -> Option<&[u64; LANES]> {
+        let dz = z as i32 - of.plane;
+        let left = of.square - dz * dz;
+        let left = if left > 0 { left as usize } else { 0 };
+        self.rows.get(left * self.height + (of.first + y as i32) as usize..)?.first_chunk()
     }
 }
 
-/// A section from the table.
+/// Sections from the table.
 pub(super) struct Tabled<'a> {
-    own: &'a [u64],
-    other: &'a [u64],
-    /// Which row of either disc is the first of the tile.
-    first: [i32; 2],
-    /// How much farther along x the middles are than in the table.
-    shift: [i32; 2],
+    discs: &'a Discs,
+    own: Row,
+    other: Row,
 }
 
-impl Section for Tabled<'_> {
+/// Which discs are the sections of a ball.
+struct Row {
+    /// What the squares of its voxels are less than, in voxels.
+    square: i32,
+    /// The plane of its middle.
+    plane: i32,
+    /// Which row of a disc is the first of the tile.
+    first: i32,
+    /// How much farther along x its middle is than in the table.
+    shift: [u32; 2],
+}
+
+impl Sections for Tabled<'_> {
     #[inline(always)]
-    fn find_hits(&self, y: usize, waiting: &[u64; LANES], hits: &mut [u64; LANES]) -> bool {
-        let own = (self.first[0] + y as i32) as usize;
-        let other = (self.first[1] + y as i32) as usize;
-        let (Some(own), Some(other)) = (self.own.get(own..), self.other.get(other..)) else {
-            return false;
-        };
-        let (Some(own), Some(other)) = (own.first_chunk::<LANES>(), other.first_chunk::<LANES>())
-        else {
-            return false;
-        };
-        let ([left, right], [other_left, other_right]) =
-            (to_both_sides(self.shift[0]), to_both_sides(self.shift[1]));
-        let mut any = 0;
+    fn hits(&self, at: [usize; 2], waiting: &[u64; LANES]) -> [u64; LANES] {
+        let mut hits = [0; LANES];
+        let both = (self.discs.rows(&self.own, at), self.discs.rows(&self.other, at));
+        let (Some(own), Some(other)) = both else { return hits };
+        let ([left, right], [other_left, other_right]) = (self.own.shift, self.other.shift);
         for i in 0..LANES {
             let own = own[i] << left >> right;
             let other = other[i] << other_left >> other_right;
             hits[i] = own & !other & waiting[i];
-            any |= hits[i];
         }
-        any != 0
+        hits
     }
 }
 
@@ -138,17 +139,17 @@ fn to_both_sides(shift: i32) -> [u32; 2] {
     [left & last, right & last]
 }
 
-/// A section found by roots.
+/// Sections found by roots.
 pub(super) struct Roots {
-    /// Squares that steps in the plane must be less than, from the middle of either.
+    /// Squares that the voxels of either ball must be less than, from its middle.
     own: f32,
     other: f32,
-    /// Where either middle is along y and x.
-    at: [[i32; 2]; 2],
+    /// Where either middle is.
+    at: [[i32; 3]; 2],
     /// Where what lies in the ball and not in its neighbour's may be along x, as bits.
     widths: u64,
-    /// Edge of a voxel along y, and one by that along x.
-    size: [f32; 2],
+    /// Edges of a voxel along z and y, and one by that along x.
+    size: [f32; 3],
 }
 
 impl Roots {
@@ -157,40 +158,38 @@ impl Roots {
         Placed { at, ball }: &Placed<T>,
         along: [i32; 3],
         space: &Space,
-        z: usize,
         widths: u64,
     ) -> Self {
-        let size = space.size.map(|edge| edge as f32);
-        let dz = z as i32 - at[0];
+        let [depth, height, width] = space.size.map(|edge| edge as f32);
         Self {
-            own: space.inside(ball.reach.square()) - square(dz, size[0]),
-            other: space.inside(ball.neighbour.square()) - square(dz - along[0], size[0]),
-            at: [[at[1], at[2]], [at[1] + along[1], at[2] + along[2]]],
+            own: space.inside(ball.reach.square()),
+            other: space.inside(ball.neighbour.square()),
+            at: [*at, [0, 1, 2].map(|axis| at[axis] + along[axis])],
             widths,
-            size: [size[1], size[2].recip()],
+            size: [depth, height, width.recip()],
         }
     }
 }
 
-impl Section for Roots {
+impl Sections for Roots {
     #[inline(always)]
-    fn find_hits(&self, y: usize, waiting: &[u64; LANES], hits: &mut [u64; LANES]) -> bool {
+    fn hits(&self, [z, y]: [usize; 2], waiting: &[u64; LANES]) -> [u64; LANES] {
+        let mut hits = [0; LANES];
         // Most often no one waits there, which is seen sooner than the balls are.
-        let mut any = 0;
-        for word in waiting {
-            any |= word & self.widths;
+        if waiting.iter().fold(0, |any, word| any | word & self.widths) == 0 {
+            return hits;
         }
-        if any == 0 {
-            return false;
-        }
-        any = 0;
+        let [depth, height, width] = self.size;
+        let [own, other] = [self.own, self.other];
+        let own = own - square(z as i32 - self.at[0][0], depth);
+        let other = other - square(z as i32 - self.at[1][0], depth);
         for i in 0..LANES {
-            let own = row_of(self.own, (y + i) as i32, self.at[0], self.size);
-            let other = row_of(self.other, (y + i) as i32, self.at[1], self.size);
+            let y = (y + i) as i32;
+            let own = row_of(own, y, self.at[0], [height, width]);
+            let other = row_of(other, y, self.at[1], [height, width]);
             hits[i] = own & !other & waiting[i];
-            any |= hits[i];
         }
-        any != 0
+        hits
     }
 }
 
@@ -199,19 +198,24 @@ fn square(steps: i32, size: f32) -> f32 {
     distance * distance
 }
 
-/// Adding this to a small whole number leaves it in the last bits, which takes one instruction.
-const WHOLE: f32 = 12_582_912.0;
+/// Rounds a number of less than a few millions to the next whole one, in two instructions.
+#[inline(always)]
+pub(super) fn whole(value: f32) -> i32 {
+    /// With this added, whole numbers are in the last bits.
+    const WHOLE: f32 = 12_582_912.0;
+    (value + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
+}
 
 /// The voxels of a row that lie in a ball, as bits.
 #[inline(always)]
-fn row_of(square: f32, y: i32, at: [i32; 2], [size, reciprocal]: [f32; 2]) -> u64 {
-    let off = (y - at[0]) as f32 * size;
+fn row_of(square: f32, y: i32, at: [i32; 3], [size, reciprocal]: [f32; 2]) -> u64 {
+    let off = (y - at[1]) as f32 * size;
     let square = square - off * off;
     let steps = (square.max(0.0).sqrt() * reciprocal).floor();
     let steps = if square > 0.0 { steps } else { -1.0 };
-    let steps = (steps + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32;
+    let steps = whole(steps);
     let last = TILE as i32 - 1;
-    let (low, high) = (at[1] - steps, at[1] + steps);
+    let (low, high) = (at[2] - steps, at[2] + steps);
     let low = if low > 0 { low } else { 0 };
     let high = if high < last { high } else { last };
     let bits = (u64::MAX << (low & last)) & (u64::MAX >> ((last - high) & last));

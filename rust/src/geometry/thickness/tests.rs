@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use super::cells::Placed;
 use super::diameters::Balls;
 use super::ridge::Ball;
-use super::sections::{Discs, LANES, Roots, Section};
+use super::sections::{Discs, LANES, Roots, Sections};
 use super::steps::STEPS;
 use super::*;
 use crate::geometry::distance::distance_transform;
@@ -121,11 +121,9 @@ proptest! {
         let discs = Discs::of_cubes((4 * own.max(other)) as f32);
         prop_assert!(discs.hold(&placed.ball));
         let (z, y) = (voxel[0] as usize, voxel[1] as usize);
-        let (mut hits, mut expected) = ([0; LANES], [0; LANES]);
-        let found = discs.section(&placed, along, z).find_hits(y, &waiting, &mut hits);
-        let roots = Roots::new(&placed, along, &space, z, u64::MAX);
-        prop_assert_eq!(found, roots.find_hits(y, &waiting, &mut expected));
-        prop_assert_eq!(hits, expected);
+        let hits = discs.sections(&placed, along).hits([z, y], &waiting);
+        let roots = Roots::new(&placed, along, &space, u64::MAX);
+        prop_assert_eq!(hits, roots.hits([z, y], &waiting));
     }
 }
 
