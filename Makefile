@@ -4,6 +4,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 EXTRAS := io,view,neural,graph,mesh,dev
+# What `make bench` races against besides the libraries that tests compare with.
+RIVALS := faiss-cpu hnswlib scikit-learn
 # The package is installed in place: a change of Python code needs no new installation.
 COMPILED := pyproject.toml Cargo.toml Cargo.lock $(shell find rust -name '*.rs')
 
@@ -34,6 +36,7 @@ format: $(VENV)/installed-all ## format the Rust and the Python code
 	$(BIN)/ruff format
 
 bench: $(VENV)/installed-all ## all benchmarks; writes the tables and pictures of README.md
+	$(BIN)/pip install --quiet $(RIVALS)
 	cargo bench -- --warm-up-time 0.3 --measurement-time 0.5 --sample-size 10
 	$(BIN)/python benches/python/run.py
 	$(BIN)/python benches/python/scaling.py

@@ -33,8 +33,9 @@ def halfway(edge: int, components: int, variance: float) -> list[np.ndarray]:
     # Half of the preset's iterations: the energy is on its way down.
     engine = poresynth.VolumeTexture(preset="fast", windows=(WINDOW,), iterations=3).fit(solid)
     exemplar = engine._field(solid.array, engine._phases.phase)
-    volume, match_map, _ = _core.synthesize(
-        exemplar, (2 * len(solid.array),) * 3, engine._options("open"), seed=0
+    shape = (2 * len(solid.array),) * 3
+    volume, [match_map], _ = _core.synthesize(
+        [engine._example(exemplar)], shape, engine._options("open"), seed=0
     )
     descriptors, queries = _core.describe_windows(
         exemplar, volume, window=WINDOW, step=STEP, components=components, variance=variance, seed=0
