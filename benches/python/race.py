@@ -110,7 +110,7 @@ class Race:
         for contestant in present:
             contestant.run(*small)  # imports, compilers, thread pools
         seconds: dict[str, list[float]] = {c.name: [] for c in present}
-        remarks: dict[str, str] = {}
+        remarks: dict[tuple[str, float], str] = {}
         ours: Any = None
         for turn in range(repeats):
             for contestant in present:
@@ -118,16 +118,16 @@ class Race:
                     continue
                 start = time.perf_counter()
                 result = contestant.run(*inputs)
-                seconds[contestant.name].append(time.perf_counter() - start)
-                remarks[contestant.name] = self.remark(
-                    inputs, result, statistics.median(seconds[contestant.name])
-                )
+                taken = time.perf_counter() - start
+                seconds[contestant.name].append(taken)
+                remarks[contestant.name, taken] = self.remark(inputs, result, taken)
                 if turn == 0 and contestant.name == OURS:
                     ours = result
                 elif turn == 0 and contestant.name != ONE_THREAD and not self.same(ours, result):
                     raise AssertionError(f"{self.title}: {contestant.name} finds something else")
                 del result
-        medians = {name: statistics.median(times) for name, times in seconds.items()}
+        # One of the runs, so that its remark is about what the time is of.
+        medians = {name: statistics.median_low(times) for name, times in seconds.items()}
         for contestant in present:
             median = medians[contestant.name]
             yield {
@@ -136,7 +136,7 @@ class Race:
                 "contestant": contestant.name,
                 "version": version(contestant),
                 "seconds": median,
-                "remark": remarks[contestant.name],
+                "remark": remarks[contestant.name, median],
                 "times_as_long": median / medians[OURS],
                 "bytes_per_voxel": self._memory(contestant, size, inputs, small),
             }
