@@ -16,6 +16,14 @@ pub(super) struct Placed<T> {
     pub ball: Ball<T>,
 }
 
+impl<T> Placed<T> {
+    /// The voxel a step from the middle.
+    #[inline(always)]
+    pub(super) fn beside(&self, along: [i32; 3]) -> [i32; 3] {
+        [0, 1, 2].map(|axis| self.at[axis] + along[axis])
+    }
+}
+
 /// The first and the last voxel of a block.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Extent {

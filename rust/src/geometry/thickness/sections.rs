@@ -69,11 +69,8 @@ impl Discs {
 
     /// The sections of a ball that is held, with the step to its neighbour.
     #[inline(always)]
-    pub(super) fn sections<T: Lane>(
-        &self,
-        Placed { at, ball }: &Placed<T>,
-        along: [i32; 3],
-    ) -> Tabled<'_> {
+    pub(super) fn sections<T: Lane>(&self, placed: &Placed<T>, along: [i32; 3]) -> Tabled<'_> {
+        let Placed { at, ball } = placed;
         let discs = |square: T, [z, y, x]: [i32; 3]| Row {
             square: (square.whole() / 4) as i32,
             plane: z,
@@ -81,8 +78,11 @@ impl Discs {
             first: self.middle - y,
             shift: to_both_sides(x - CENTRE),
         };
-        let neighbour = [0, 1, 2].map(|axis| at[axis] + along[axis]);
-        Tabled { discs: self, own: discs(ball.reach, *at), other: discs(ball.neighbour, neighbour) }
+        Tabled {
+            discs: self,
+            own: discs(ball.reach, *at),
+            other: discs(ball.neighbour, placed.beside(along)),
+        }
     }
 
     /// The rows from y on of a disc in a plane, where it is in the table.
@@ -155,16 +155,17 @@ pub(super) struct Roots {
 impl Roots {
     #[inline(always)]
     pub(super) fn new<T: Lane>(
-        Placed { at, ball }: &Placed<T>,
+        placed: &Placed<T>,
         along: [i32; 3],
         space: &Space,
         widths: u64,
     ) -> Self {
+        let Placed { at, ball } = placed;
         let [depth, height, width] = space.size.map(|edge| edge as f32);
         Self {
             own: space.inside(ball.reach.square()),
             other: space.inside(ball.neighbour.square()),
-            at: [*at, [0, 1, 2].map(|axis| at[axis] + along[axis])],
+            at: [*at, placed.beside(along)],
             widths,
             size: [depth, height, width.recip()],
         }
